@@ -1,0 +1,205 @@
+//! Safety, whatever the scheme: one place where input is checked, one where silence is noticed, one that every force passes.
+//!
+//! - [`check`] is the only gate for numbers that come from outside the process: a value that is not finite names its field and
+//!   ends in a fault.
+//! - [`Watchdog`] turns silence into a gain that ramps to 0, and a return into one that ramps to 1.
+//! - [`ForceLimiter`] bounds the force and its slope; what leaves it is finite.
+
+use std::time::Duration;
+
+use crate::Vec3;
+use crate::time::Timestamp;
+
+/// A value from outside that is not finite.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{field} is not finite")]
+pub struct NotFinite {
+    /// Name of the quantity, with its unit.
+    pub field: &'static str,
+}
+
+/// Checks the named vectors in turn.
+///
+/// # Errors
+/// The first field that holds a NaN or an infinity.
+pub fn check(fields: &[(&'static str, &[f64])]) -> Result<(), NotFinite> {
+    let spoilt = fields.iter().find(|(_, values)| !values.iter().all(|value| value.is_finite()));
+    spoilt.map_or(Ok(()), |&(field, _)| Err(NotFinite { field }))
+}
+
+/// How a watchdog judges silence.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct WatchdogTimes {
+    /// Silence longer than this starts the ramp down.
+    pub silence: Duration,
+    /// The ramp's length, either way.
+    pub ramp: Duration,
+}
+
+/// Gain on everything remote: 1 while frames come, 0 after `silence` plus `ramp` without one. It never steps.
+#[derive(Clone, Copy, Debug)]
+pub struct Watchdog {
+    times: WatchdogTimes,
+    last_frame: Option<Timestamp>,
+    gain: f64,
+}
+
+impl Watchdog {
+    /// Starts at gain 0: the first frames ramp up.
+    pub fn new(times: WatchdogTimes) -> Self {
+        Self { times, last_frame: None, gain: 0.0 }
+    }
+
+    /// A valid frame came.
+    pub fn on_frame(&mut self, now: Timestamp) {
+        self.last_frame = Some(now);
+    }
+
+    /// Advances by one tick of `tick_s` seconds and returns the gain, 0 to 1.
+    pub fn step(&mut self, now: Timestamp, tick_s: f64) -> f64 {
+        let change = tick_s / self.times.ramp.as_secs_f64();
+        self.gain = if self.is_silent(now) { self.gain - change } else { self.gain + change }.clamp(0.0, 1.0);
+        self.gain
+    }
+
+    /// The gain of the last step.
+    pub fn gain(&self) -> f64 {
+        self.gain
+    }
+
+    /// Whether no frame came for longer than the allowed silence.
+    pub fn is_silent(&self, now: Timestamp) -> bool {
+        self.last_frame.is_none_or(|last| self.times.silence < now.since(last))
+    }
+
+    /// Time since the last frame.
+    pub fn age(&self, now: Timestamp) -> Option<Duration> {
+        self.last_frame.map(|last| now.since(last))
+    }
+}
+
+/// Bounds of the force that reaches a hand or a tool.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ForceLimits {
+    /// Greatest magnitude, N.
+    pub force_n: f64,
+    /// Greatest change of the vector, N/s.
+    pub slew_n_per_s: f64,
+}
+
+/// The one limiter that a force passes on its way out.
+#[derive(Clone, Copy, Debug)]
+pub struct ForceLimiter {
+    limits: ForceLimits,
+    last: Vec3,
+}
+
+impl ForceLimiter {
+    /// Starts at zero force.
+    pub fn new(limits: ForceLimits) -> Self {
+        Self { limits, last: Vec3::zeros() }
+    }
+
+    /// The force to apply for one tick of `tick_s` when `wanted` is asked for: bounded, slew-limited, finite. A wish that is not
+    /// finite counts as zero force.
+    pub fn step(&mut self, wanted: Vec3, tick_s: f64) -> Vec3 {
+        let wanted = if wanted.iter().all(|f| f.is_finite()) { wanted } else { Vec3::zeros() };
+        let bounded = capped(wanted, self.limits.force_n);
+        self.last += capped(bounded - self.last, self.limits.slew_n_per_s * tick_s);
+        self.last
+    }
+
+    /// The force applied last.
+    pub fn last(&self) -> Vec3 {
+        self.last
+    }
+}
+
+/// `v`, shortened to length `limit` where it is longer.
+pub fn capped(v: Vec3, limit: f64) -> Vec3 {
+    let length = v.norm();
+    if length <= limit { v } else { v * (limit / length) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const TICK_S: f64 = 1e-3;
+    const TIMES: WatchdogTimes =
+        WatchdogTimes { silence: Duration::from_millis(100), ramp: Duration::from_millis(50) };
+
+    fn at(ms: u64) -> Timestamp {
+        Timestamp::from_nanos(ms * 1_000_000)
+    }
+
+    #[test]
+    fn silence_ramps_to_exactly_zero_within_silence_plus_ramp() {
+        let mut dog = Watchdog::new(TIMES);
+        for ms in 0..1000 {
+            dog.on_frame(at(ms));
+            dog.step(at(ms), TICK_S);
+        }
+        assert_eq!(dog.gain(), 1.0);
+        for ms in 1000..1099 {
+            assert_eq!(dog.step(at(ms), TICK_S), 1.0, "at {ms}");
+        }
+        let mut before = 1.0;
+        for ms in 1099..1151 {
+            let gain = dog.step(at(ms), TICK_S);
+            assert!(before - gain <= 0.02 + 1e-12, "stepped at {ms}");
+            before = gain;
+        }
+        assert_eq!(before, 0.0);
+    }
+
+    #[test]
+    fn a_return_ramps_up_and_never_steps() {
+        let mut dog = Watchdog::new(TIMES);
+        let mut before = 0.0;
+        for ms in 0..60 {
+            dog.on_frame(at(ms));
+            let gain = dog.step(at(ms), TICK_S);
+            assert!(gain - before <= 0.02 + 1e-12);
+            before = gain;
+        }
+        assert_eq!(before, 1.0);
+    }
+
+    proptest! {
+        /// Whatever is asked for, what comes out keeps both bounds.
+        #[test]
+        fn no_wish_passes_the_limits(wishes in prop::collection::vec(
+            (prop::num::f64::ANY, prop::num::f64::ANY, -1e3..1e3), 1..200)
+        ) {
+            let limits = ForceLimits { force_n: 20.0, slew_n_per_s: 2000.0 };
+            let mut limiter = ForceLimiter::new(limits);
+            let mut before = Vec3::zeros();
+            for (x, y, z) in wishes {
+                let force = limiter.step(Vec3::new(x, y, z), TICK_S);
+                prop_assert!(force.iter().all(|f| f.is_finite()));
+                prop_assert!(force.norm() <= 20.0 * (1.0 + 1e-12));
+                prop_assert!((force - before).norm() <= 2.0 * (1.0 + 1e-12));
+                before = force;
+            }
+        }
+    }
+
+    #[test]
+    fn a_steady_wish_within_bounds_is_reached_and_kept() {
+        let mut limiter = ForceLimiter::new(ForceLimits { force_n: 20.0, slew_n_per_s: 2000.0 });
+        for _ in 0..10 {
+            limiter.step(Vec3::new(3.0, -4.0, 12.0), TICK_S);
+        }
+        assert_eq!(limiter.last(), Vec3::new(3.0, -4.0, 12.0));
+    }
+
+    #[test]
+    fn the_check_names_the_field() {
+        let good = ("position_m", &[0.0, 1.0][..]);
+        assert_eq!(check(&[good]), Ok(()));
+        assert_eq!(check(&[good, ("force_n", &[f64::NAN])]), Err(NotFinite { field: "force_n" }));
+        assert_eq!(check(&[("force_n", &[f64::INFINITY]), good]), Err(NotFinite { field: "force_n" }));
+    }
+}
