@@ -1,1 +1,32 @@
-//! Placeholder while the rooms are laid.
+//! Linear control for the two sides of a haptic loop: plants as rational functions of `s`, their sampled forms,
+//! and the compensators that tie a tool to a handle.
+//!
+//! Everything here is a pure calculation: no IO, no clock, no threads. Units are SI; the symbols are those of
+//! [KHMH03] in docs/papers.md, and equation numbers in brackets are that paper's.
+//!
+//! | to do this | start at |
+//! |---|---|
+//! | describe a plant | [`Polynomial`], [`RationalFunction`], [`paper`] |
+//! | run it at 1 kHz | [`StateSpace`] → [`DiscreteStateSpace`] with a [`State`] per axis |
+//! | tie the tool to the handle | [`compensators`], [`Inverse`] and [`Follower`] |
+
+pub mod compensators;
+mod discrete;
+mod follower;
+pub mod paper;
+mod polynomial;
+mod rational;
+mod state_space;
+
+pub use discrete::{DiscreteStateSpace, DiscretiseError, State};
+pub use follower::{Follower, FollowerError, FollowerState, Inverse};
+pub use nalgebra::Complex;
+pub use polynomial::{Polynomial, PolynomialError};
+pub use rational::{RationalError, RationalFunction};
+pub use state_space::{StateSpace, StateSpaceError};
+
+/// Highest order of anything that is stepped, and of either part of a rational function.
+///
+/// The paper's largest cascade, `C_h2`, has order 7. Twelve leaves room for an identified plant with a few resonances,
+/// while a [`State`] stays below two cache lines and no step ever allocates.
+pub const MAX_ORDER: usize = 12;

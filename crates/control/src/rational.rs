@@ -1,0 +1,221 @@
+//! Transfer functions as quotients of polynomials in `s`.
+
+use crate::MAX_ORDER;
+use crate::polynomial::{Polynomial, PolynomialError};
+use nalgebra::Complex;
+
+/// `numerator(s) / denominator(s)`; either part may have the higher degree.
+///
+/// Invariant: the denominator is not zero and both degrees are at most [`MAX_ORDER`]. Arithmetic never cancels on its
+/// own: a mode that a product hides is still there in the machine. [`RationalFunction::reduced`] cancels what is safe.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RationalFunction {
+    numerator: Polynomial,
+    denominator: Polynomial,
+}
+
+/// Why two polynomials, or the outcome of an operation, are not a [`RationalFunction`].
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum RationalError {
+    /// The numerator is not a polynomial.
+    #[error("numerator: {0}")]
+    Numerator(#[source] PolynomialError),
+    /// The denominator is not a polynomial.
+    #[error("denominator: {0}")]
+    Denominator(#[source] PolynomialError),
+    /// The denominator, or a divisor, is zero everywhere.
+    #[error("denominator is zero")]
+    ZeroDenominator,
+    /// A degree is above [`MAX_ORDER`].
+    #[error("degree {got} is above the supported {cap}")]
+    OrderTooHigh {
+        /// The higher of the two degrees.
+        got: usize,
+        /// The cap.
+        cap: usize,
+    },
+}
+
+impl RationalFunction {
+    /// Takes coefficients of both parts in descending powers.
+    ///
+    /// # Errors
+    /// A part is empty, not finite or too long, or the denominator is zero.
+    pub fn new(numerator: &[f64], denominator: &[f64]) -> Result<Self, RationalError> {
+        let numerator = Polynomial::new(numerator).map_err(RationalError::Numerator)?;
+        let denominator = Polynomial::new(denominator).map_err(RationalError::Denominator)?;
+        Self::from_parts(numerator, denominator)
+    }
+
+    /// The quotient of two polynomials.
+    ///
+    /// # Errors
+    /// The denominator is zero or a degree is above [`MAX_ORDER`].
+    pub fn from_parts(
+        numerator: Polynomial,
+        denominator: Polynomial,
+    ) -> Result<Self, RationalError> {
+        if denominator.is_zero() {
+            return Err(RationalError::ZeroDenominator);
+        }
+        let got = numerator.degree().max(denominator.degree());
+        if MAX_ORDER < got {
+            return Err(RationalError::OrderTooHigh {
+                got,
+                cap: MAX_ORDER,
+            });
+        }
+        Ok(Self {
+            numerator,
+            denominator,
+        })
+    }
+
+    /// The constant 0: what a non-back-drivable `S_h` is.
+    #[must_use]
+    pub fn zero() -> Self {
+        Self {
+            numerator: Polynomial::zero(),
+            denominator: Polynomial::one(),
+        }
+    }
+
+    /// The part above the line.
+    #[must_use]
+    pub fn numerator(&self) -> &Polynomial {
+        &self.numerator
+    }
+
+    /// The part below the line.
+    #[must_use]
+    pub fn denominator(&self) -> &Polynomial {
+        &self.denominator
+    }
+
+    /// Whether the value is 0 everywhere.
+    #[must_use]
+    pub fn is_zero(&self) -> bool {
+        self.numerator.is_zero()
+    }
+
+    /// Whether the gain stays bounded as the frequency grows, so that a state-space form exists.
+    #[must_use]
+    pub fn is_proper(&self) -> bool {
+        self.numerator.degree() <= self.denominator.degree()
+    }
+
+    /// Whether the gain falls to zero as the frequency grows, so that the output never jumps with the input.
+    #[must_use]
+    pub fn is_strictly_proper(&self) -> bool {
+        self.is_zero() || self.numerator.degree() < self.denominator.degree()
+    }
+
+    /// Value at a complex point; `None` at a pole, and where the value is too large for a number.
+    #[must_use]
+    pub fn at(&self, s: Complex<f64>) -> Option<Complex<f64>> {
+        let value = if s.norm() <= 1.0 {
+            self.numerator.at(s) / self.denominator.at(s)
+        } else {
+            // Both parts in powers of 1/s, so that neither overflows at a high frequency before the quotient is taken.
+            let inverse = s.inv();
+            let excess = self.numerator.degree() as i32 - self.denominator.degree() as i32;
+            reversed_at(&self.numerator, inverse) / reversed_at(&self.denominator, inverse)
+                * s.powi(excess)
+        };
+        (value.re.is_finite() && value.im.is_finite()).then_some(value)
+    }
+
+    /// Frequency response: the value at `s = j·omega`, omega in rad/s. `None` at a pole on the axis.
+    #[must_use]
+    pub fn at_omega(&self, omega_rad_s: f64) -> Option<Complex<f64>> {
+        self.at(Complex::new(0.0, omega_rad_s))
+    }
+
+    /// Sum. Equal denominators stay as they are, others are multiplied.
+    ///
+    /// # Errors
+    /// The outcome passes the cap or overflows.
+    pub fn plus(&self, other: &Self) -> Result<Self, RationalError> {
+        if self.denominator == other.denominator {
+            let numerator = self
+                .numerator
+                .plus(&other.numerator)
+                .map_err(RationalError::Numerator)?;
+            return Self::from_parts(numerator, self.denominator.clone());
+        }
+        // A zero summand must not drag its denominator's modes in.
+        if self.is_zero() {
+            return Ok(other.clone());
+        }
+        if other.is_zero() {
+            return Ok(self.clone());
+        }
+        let left = self
+            .numerator
+            .times(&other.denominator)
+            .map_err(RationalError::Numerator)?;
+        let right = other
+            .numerator
+            .times(&self.denominator)
+            .map_err(RationalError::Numerator)?;
+        let numerator = left.plus(&right).map_err(RationalError::Numerator)?;
+        let denominator = self
+            .denominator
+            .times(&other.denominator)
+            .map_err(RationalError::Denominator)?;
+        Self::from_parts(numerator, denominator)
+    }
+
+    /// Product.
+    ///
+    /// # Errors
+    /// The outcome passes the cap or overflows.
+    pub fn times(&self, other: &Self) -> Result<Self, RationalError> {
+        let numerator = self
+            .numerator
+            .times(&other.numerator)
+            .map_err(RationalError::Numerator)?;
+        let denominator = self
+            .denominator
+            .times(&other.denominator)
+            .map_err(RationalError::Denominator)?;
+        Self::from_parts(numerator, denominator)
+    }
+
+    /// Quotient.
+    ///
+    /// # Errors
+    /// `other` is zero, or the outcome passes the cap or overflows.
+    pub fn divided_by(&self, other: &Self) -> Result<Self, RationalError> {
+        self.times(&other.inverse()?)
+    }
+
+    /// `1 / self`.
+    ///
+    /// # Errors
+    /// The function is zero.
+    pub fn inverse(&self) -> Result<Self, RationalError> {
+        Self::from_parts(self.denominator.clone(), self.numerator.clone())
+    }
+
+    /// The function times a constant.
+    ///
+    /// # Errors
+    /// `factor` is not finite or a coefficient overflows.
+    pub fn scaled(&self, factor: f64) -> Result<Self, RationalError> {
+        let numerator = self
+            .numerator
+            .scaled(factor)
+            .map_err(RationalError::Numerator)?;
+        Self::from_parts(numerator, self.denominator.clone())
+    }
+}
+
+/// `s^-n p(s)` as a function of `1/s`.
+fn reversed_at(polynomial: &Polynomial, inverse: Complex<f64>) -> Complex<f64> {
+    polynomial
+        .coefficients()
+        .iter()
+        .rev()
+        .fold(Complex::new(0.0, 0.0), |sum, &c| sum * inverse + c)
+}

@@ -1,0 +1,173 @@
+//! Sampled plants against independent step responses, and the sampled follower against the law it exists for.
+
+use proptest::prelude::*;
+use teleclay_control::{
+    DiscreteStateSpace, Follower, FollowerState, Inverse, Polynomial, State, StateSpace, paper,
+};
+
+const DT_S: f64 = 0.001;
+
+#[test]
+fn step_responses_agree_with_the_reference() {
+    let cases: serde_json::Value =
+        serde_json::from_str(include_str!("reference/plants.json")).unwrap();
+    let cases = cases.as_array().unwrap();
+    assert_eq!(cases.len(), 8);
+    for case in cases {
+        let plant = if case["plant"] == "G_hx" {
+            paper::g_hx()
+        } else {
+            paper::g_hy()
+        };
+        let continuous = StateSpace::from_rational(&plant).unwrap();
+        let dt_s = case["dt_s"].as_f64().unwrap();
+        let sampled = if case["method"] == "zoh" {
+            continuous.zoh(dt_s).unwrap()
+        } else {
+            continuous.tustin(dt_s).unwrap()
+        };
+        let wanted: Vec<(u64, f64)> = case["k"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .zip(case["y"].as_array().unwrap())
+            .map(|(k, y)| (k.as_u64().unwrap(), y.as_f64().unwrap()))
+            .collect();
+        let last = wanted.iter().map(|(k, _)| *k).max().unwrap();
+        let mut state = State::default();
+        for k in 0..=last {
+            let y = sampled.step(&mut state, 1.0);
+            for (_, wanted) in wanted.iter().filter(|(at, _)| *at == k) {
+                assert!(
+                    (y - wanted).abs() < 1e-9,
+                    "{case}: k {k}, got {y}, wanted {wanted}"
+                );
+            }
+        }
+    }
+}
+
+fn follower(
+    mass_kg: f64,
+    damping: f64,
+    stiffness: f64,
+    ratio: f64,
+) -> (Follower, [DiscreteStateSpace; 3]) {
+    let sample = |f: &teleclay_control::RationalFunction| StateSpace::from_rational(f).unwrap();
+    let c_h1 = sample(&paper::default_c_h1()).tustin(DT_S).unwrap();
+    let g_h = sample(&paper::g_hx()).zoh(DT_S).unwrap();
+    let g_t = sample(&paper::g_t(mass_kg, damping, stiffness).unwrap())
+        .zoh(DT_S)
+        .unwrap();
+    (
+        Follower::new(&c_h1, &g_h, &Inverse::new(&g_t).unwrap(), ratio).unwrap(),
+        [c_h1, g_h, g_t],
+    )
+}
+
+proptest! {
+    /// (27) in the sampled loop without delay: y_t = A_h1 y_h, whatever the hand does and however the clay pushes.
+    #[test]
+    fn the_tool_stands_at_the_scaled_handle_position(
+        mass in 0.2..2.0, damping in 5.0..40.0, stiffness in 0.0..200.0, ratio in 0.25..4.0,
+        forces in proptest::collection::vec((-5.0..5.0f64, 0.0..80.0f64), 1..20),
+    ) {
+        let (follower, [c_h1, g_h, g_t]) = follower(mass, damping, stiffness, ratio);
+        let mut memory = FollowerState::default();
+        let (mut admittance, mut handle, mut tool) = (State::default(), State::default(), State::default());
+        let mut tool_before_m = 0.0;
+        for (hand_n, clay_n_s_per_m) in forces {
+            for _ in 0..100 {
+                let handle_m = g_h.output(&handle, 0.0);
+                let tool_m = g_t.output(&tool, 0.0);
+                prop_assert!((tool_m - ratio * handle_m).abs() < 1e-9, "{tool_m} against {}", ratio * handle_m);
+                let clay_n = -clay_n_s_per_m * (tool_m - tool_before_m) / DT_S;
+                tool_before_m = tool_m;
+                let net_n = hand_n + clay_n;
+                g_h.advance(&mut handle, c_h1.step(&mut admittance, net_n));
+                g_t.advance(&mut tool, follower.step(&mut memory, net_n));
+            }
+        }
+    }
+
+    /// The inverse reaches any reference one sample later, from any state.
+    #[test]
+    fn the_inverse_hits_the_next_sample(references in proptest::collection::vec(-0.1..0.1, 1..50)) {
+        let (_, [_, _, g_t]) = follower(0.5, 20.0, 0.0, 1.0);
+        let inverse = Inverse::new(&g_t).unwrap();
+        let (mut model, mut plant) = (State::default(), State::default());
+        for reference in references {
+            g_t.advance(&mut plant, inverse.step(&mut model, reference));
+            prop_assert!((g_t.output(&plant, 0.0) - reference).abs() < 1e-12);
+        }
+    }
+
+    /// Outputs over one state are the same numbers as two separate systems give.
+    #[test]
+    fn shared_state_changes_no_output(inputs in proptest::collection::vec(-1.0..1.0, 1..200)) {
+        let (g_h, t_h) = (paper::g_hx(), paper::t_hx());
+        let reaction = t_h.times(g_h.numerator()).unwrap();
+        let both = StateSpace::with_outputs(g_h.denominator(), [g_h.numerator(), &reaction]).unwrap().zoh(DT_S).unwrap();
+        let alone = StateSpace::from_rational(&g_h).unwrap().zoh(DT_S).unwrap();
+        // 0.25 s² over 0.005 s³/18 s: the arm's mass reacts at once to what the servo does at once.
+        prop_assert!((both.direct()[1] - 0.25 * 18.0 / 0.005).abs() < 1e-9 && both.direct()[0].abs() < 1e-15);
+        let (mut x, mut y) = (State::default(), State::default());
+        for u in inputs {
+            let [position_m, _] = both.step_outputs(&mut x, u);
+            prop_assert!((position_m - alone.step(&mut y, u)).abs() < 1e-12);
+        }
+    }
+}
+
+/// At rest the arm's answer is its stiffness times the position: 6 N/m (37) times unit gain (35).
+#[test]
+fn the_arm_answers_with_its_stiffness_at_rest() {
+    let g_h = paper::g_hx();
+    let reaction = paper::t_hx().times(g_h.numerator()).unwrap();
+    let both = StateSpace::with_outputs(g_h.denominator(), [g_h.numerator(), &reaction])
+        .unwrap()
+        .zoh(DT_S)
+        .unwrap();
+    let mut state = State::default();
+    for _ in 0..400_000 {
+        both.advance(&mut state, 0.02);
+    }
+    let [position_m, force_n] = both.outputs(&state, 0.02);
+    assert!(
+        (position_m - 0.02).abs() < 1e-9 && (force_n - 0.12).abs() < 1e-9,
+        "{position_m} {force_n}"
+    );
+}
+
+/// A pure mass sampled by zero-order hold has a zero at -1: its inverse would ring for ever.
+#[test]
+fn a_tool_without_damping_cannot_be_inverted() {
+    let mass = teleclay_control::RationalFunction::new(&[1.0], &[0.5, 0.0, 0.0]).unwrap();
+    let sampled = StateSpace::from_rational(&mass).unwrap().zoh(DT_S).unwrap();
+    assert!(Inverse::new(&sampled).is_err());
+}
+
+/// An integrator sampled by zero-order hold counts the area: y_k = k dt for a unit input.
+#[test]
+fn hold_integrates_exactly() {
+    let integrator = teleclay_control::RationalFunction::new(&[1.0], &[1.0, 0.0]).unwrap();
+    let sampled = StateSpace::from_rational(&integrator)
+        .unwrap()
+        .zoh(0.25)
+        .unwrap();
+    let mut state = State::default();
+    for k in 0..8 {
+        assert!((sampled.step(&mut state, 1.0) - 0.25 * f64::from(k)).abs() < 1e-15);
+    }
+}
+
+#[test]
+fn improper_and_timeless_systems_are_refused() {
+    let mass = Polynomial::new(&[1.0, 0.0, 0.0]).unwrap();
+    let lag = Polynomial::new(&[1.0, 1.0]).unwrap();
+    assert!(StateSpace::with_outputs(&lag, [&mass]).is_err());
+    let plant = StateSpace::from_rational(&paper::g_hx()).unwrap();
+    for dt_s in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        assert!(plant.zoh(dt_s).is_err() && plant.tustin(dt_s).is_err());
+    }
+}
