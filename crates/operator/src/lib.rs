@@ -1,1 +1,54 @@
-//! Placeholder while the rooms are laid.
+//! The simulated person and handle: the paper's identified servo `G_h` and arm `T_h`, and intents that drive them.
+//!
+//! Source: [KHMH03] (16)–(19), (35)–(37) in docs/papers.md. SI units throughout; a position is the handle's displacement from
+//! its home.
+//!
+//! ```text
+//!   intent ──u_h──> (+) ──f_h──> force sensor          f_h = u_h - T_h y_h
+//!                    ^ -
+//!                   T_h <──y_h── G_h <──v_h── controller
+//! ```
+//!
+//! The handle is not back-drivable: it moves only as its position command `v_h` says, and the hand's force reaches the loop
+//! through the sensor alone.
+
+mod intent;
+mod path;
+mod simulated;
+
+pub use intent::{Intent, IntentError, Reach};
+pub use path::{Path, PathError, Waypoint};
+pub use simulated::{SimulatedHandle, SimulatedHandleError};
+
+/// Three-vector in SI units; axes x, y, z of the handle.
+pub type Vec3 = nalgebra::Vector3<f64>;
+
+/// What a handle measures at one tick.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct DeviceSample {
+    /// Displacement from home, m. On a two-axis handle the third value is the lift the operator asks for.
+    pub position_m: [f64; 3],
+    /// Its rate, m/s.
+    pub velocity_m_s: [f64; 3],
+    /// Net force at the sensor, `f_h = u_h - T_h y_h`, N.
+    pub hand_force_n: [f64; 3],
+}
+
+/// How many axes of a handle reflect force.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Axes {
+    /// The paper's x–y handle. The third axis is a lift: the operator sets its height and feels nothing of it.
+    Two,
+    /// All three.
+    Three,
+}
+
+impl Axes {
+    /// Number of force-reflecting axes.
+    pub fn count(self) -> usize {
+        match self {
+            Self::Two => 2,
+            Self::Three => 3,
+        }
+    }
+}
