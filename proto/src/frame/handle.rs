@@ -1,0 +1,106 @@
+//! The frame that goes up: what the hand does.
+
+use super::{Header, KIND_HANDLE, MAX_FRAME, Sweeps, header};
+use crate::FrameError;
+use crate::bytes::{Reader, Writer};
+use crate::word::words;
+
+/// Bytes before the first sweep.
+pub(super) const FIXED: usize = header::LENGTH + 7 * 24 + 16;
+
+words! {
+    /// Whether the hand drives the tool.
+    #[derive(Default)]
+    pub enum Engagement: "engagement" {
+        /// The operator has joined but does not drive the tool.
+        #[default]
+        Idle = 0 "idle",
+        /// The tool follows the handle.
+        Engaged = 1 "engaged",
+        /// The operator is about to leave; the tool is to stop now.
+        Leaving = 2 "leaving",
+    }
+}
+
+/// The frame from the handle to the tool side, one each tick. `224 + 28 n` bytes with `n` sweeps.
+///
+/// ```text
+///   0        40           64             88              112             136    160             184
+///   +--------+------------+--------------+---------------+---------------+------+---------------+-------------+
+///   | header | position_m | velocity_m_s | hand_force_n  | felt_force_n  | wave | wave_integral | energy_in_j |
+///   |        | f64x3      | f64x3        | f64x3         | f64x3         | f64x3| f64x3         | f64x3       |
+///   +--------+------------+--------------+---------------+---------------+------+---------------+-------------+
+///   208         216                     220     221         224
+///   +-----------+-----------------------+-------+-----------+------------------+
+///   | clay_hash | oldest_unacknowledged | count | zero      | count x 28 bytes |
+///   |    u64    |          u32          |  u8   | u8x3      | sweeps           |
+///   +-----------+-----------------------+-------+-----------+------------------+
+/// ```
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct HandleFrame {
+    /// Who speaks, when, and under which parameters.
+    pub header: Header,
+    /// Whether the hand drives the tool.
+    pub engagement: Engagement,
+    /// Handle position in the handle's frame, m.
+    pub position_m: [f64; 3],
+    /// Handle velocity, m/s.
+    pub velocity_m_s: [f64; 3],
+    /// Force of the hand on the handle, as its sensor measures it, N.
+    pub hand_force_n: [f64; 3],
+    /// Reaction that this side renders to the hand, N.
+    pub felt_force_n: [f64; 3],
+    /// Outgoing wave `u` per axis, √W; zero unless the scheme is `wave`.
+    pub wave: [f64; 3],
+    /// Time integral of `u` per axis, √W·s: lets the other end undo the drift that lost waves cause.
+    pub wave_integral: [f64; 3],
+    /// Energy that has flowed into the channel at this end per axis since joining, J. Never falls.
+    pub energy_in_j: [f64; 3],
+    /// Hash of the handle's copy of the clay; 0 when it keeps none.
+    pub clay_hash: u64,
+    /// Cuts that the server has not acknowledged.
+    pub sweeps: Sweeps,
+}
+
+impl HandleFrame {
+    /// Writes the frame to the front of `buffer` and gives back the bytes written. Does not allocate.
+    pub fn encode<'a>(&self, buffer: &'a mut [u8; MAX_FRAME]) -> &'a [u8] {
+        let mut writer = Writer::new(buffer);
+        self.header
+            .write(KIND_HANDLE, self.engagement.byte(), &mut writer);
+        writer.f64x3(self.position_m);
+        writer.f64x3(self.velocity_m_s);
+        writer.f64x3(self.hand_force_n);
+        writer.f64x3(self.felt_force_n);
+        writer.f64x3(self.wave);
+        writer.f64x3(self.wave_integral);
+        writer.f64x3(self.energy_in_j);
+        writer.put(self.clay_hash.to_le_bytes());
+        self.sweeps.write(&mut writer);
+        writer.finish()
+    }
+
+    /// Reads a frame. Does not allocate; lets non-finite floats through.
+    ///
+    /// # Errors
+    /// When the bytes are not exactly one handle frame of this version.
+    pub fn decode(bytes: &[u8]) -> Result<Self, FrameError> {
+        let mut reader = Reader::new(bytes);
+        let (header, engagement) = Header::read(KIND_HANDLE, &mut reader)?;
+        let frame = Self {
+            header,
+            engagement: Engagement::from_byte(engagement)?,
+            position_m: reader.f64x3()?,
+            velocity_m_s: reader.f64x3()?,
+            hand_force_n: reader.f64x3()?,
+            felt_force_n: reader.f64x3()?,
+            wave: reader.f64x3()?,
+            wave_integral: reader.f64x3()?,
+            energy_in_j: reader.f64x3()?,
+            clay_hash: reader.u64()?,
+            sweeps: Sweeps::read(&mut reader)?,
+        };
+        reader.finish()?;
+        Ok(frame)
+    }
+}

@@ -1,0 +1,42 @@
+//! The frames of the control loop: one [`HandleFrame`] up and one [`ToolFrame`] down every tick.
+//!
+//! Every frame starts with the same 40 bytes; numbers are little-endian, offsets are fixed and floats are aligned to 8:
+//!
+//! ```text
+//!  0      2       3      4       8          12              16        24        32           36         38       39
+//!  +------+-------+------+-------+----------+---------------+---------+---------+------------+----------+--------+-------+
+//!  | "TF" |version| kind | lease | sequence | echo_hold_ns  | sent_ns | echo_ns | clay_epoch | revision | scheme | state |
+//!  | u8x2 |  u8   |  u8  |  u32  |   u32    |     u32       |   u64   |   u64   |    u32     |   u16    |   u8   |  u8   |
+//!  +------+-------+------+-------+----------+---------------+---------+---------+------------+----------+--------+-------+
+//! ```
+//!
+//! `state` is the [`Engagement`] in a handle frame and the [`LoopStatus`] in a tool frame.
+
+mod handle;
+mod header;
+mod sweeps;
+mod tool;
+
+pub use handle::{Engagement, HandleFrame};
+pub use header::Header;
+pub use sweeps::{MAX_SWEEPS, POSITION_UNIT_M, SweepRecord, Sweeps, SweepsFull};
+pub use tool::{LoopStatus, SweepRefusal, ToolFrame};
+
+pub use crate::FrameError;
+
+/// First two bytes of every frame.
+pub const MAGIC: [u8; 2] = *b"TF";
+
+/// Version of the frame layouts.
+pub const VERSION: u8 = 1;
+
+/// Bytes of the longest frame: a handle frame with 24 sweeps. Below 1200, so that no path splits it.
+pub const MAX_FRAME: usize = handle::FIXED + MAX_SWEEPS * sweeps::RECORD;
+
+const _: () = assert!(
+    MAX_FRAME < 1200,
+    "a frame must fit one datagram on any path"
+);
+
+const KIND_HANDLE: u8 = 1;
+const KIND_TOOL: u8 = 2;

@@ -1,0 +1,30 @@
+//! The JSON types of `/api/v1`; the WebSocket's text messages and the join carry the same ones.
+//!
+//! What comes in is parsed by [`parse`], which names the field at fault by its JSON pointer and checks every range; what
+//! goes out is written by serde. Unknown fields are errors. A request may leave out what has a default; a PATCH may leave
+//! out anything, and what is left out keeps its value.
+
+mod body;
+mod clay;
+mod health;
+mod network;
+mod patch;
+mod problem;
+mod session;
+mod validate;
+
+pub use body::{BodyError, parse};
+pub use clay::{ClayHash, ClayHashError, ClayReset, ClayShape, ClaySpec, MAX_VOXELS_PER_AXIS};
+pub use health::{Health, HealthStatus, Readiness};
+pub use network::{Burst, Impairment, JitterDistribution, Network, Outage};
+pub use patch::{ImpairmentPatch, MaterialPatch, NetworkPatch, SessionPatch};
+pub use problem::Problem;
+pub use session::{
+    ClayState, LoopState, MAX_TOOLS, NewSession, Quantiles, Session, SessionState, TickQuantiles,
+    ToolState,
+};
+pub use validate::{FieldError, Validate};
+
+pub(crate) use validate::{check, check_text};
+
+pub use crate::{Axes, Material, NodeName, Scheme, SessionId, ToolDescription};

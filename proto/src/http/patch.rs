@@ -1,0 +1,212 @@
+//! Changes of a running session. Whatever is left out keeps its value.
+
+use serde::{Deserialize, Deserializer, Serialize};
+use utoipa::ToSchema;
+
+use super::network::{Burst, Impairment, JitterDistribution, Network, Outage};
+use super::{FieldError, Material, Scheme, Validate};
+
+/// Body of `PATCH /sessions/{id}`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct SessionPatch {
+    /// Another scheme.
+    #[serde(skip_serializing_if = "Option::is_none", deserialize_with = "present")]
+    pub scheme: Option<Scheme>,
+    /// Another material.
+    #[serde(skip_serializing_if = "Option::is_none", deserialize_with = "present")]
+    pub material: Option<MaterialPatch>,
+    /// Another network.
+    #[serde(skip_serializing_if = "Option::is_none", deserialize_with = "present")]
+    pub network: Option<NetworkPatch>,
+    /// Whether the tool is to rest.
+    #[serde(skip_serializing_if = "Option::is_none", deserialize_with = "present")]
+    pub paused: Option<bool>,
+}
+
+/// Changes of a [`Material`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct MaterialPatch {
+    /// Stress per speed, Pa·s/m.
+    #[schema(minimum = 0, maximum = 1e7)]
+    #[serde(skip_serializing_if = "Option::is_none", deserialize_with = "present")]
+    pub viscosity_pa_s_per_m: Option<f64>,
+    /// Stress below which clay only bends, Pa.
+    #[schema(minimum = 0, maximum = 1e6)]
+    #[serde(skip_serializing_if = "Option::is_none", deserialize_with = "present")]
+    pub yield_stress_pa: Option<f64>,
+    /// Modulus of the elastic part, Pa.
+    #[schema(minimum = 0, maximum = 1e9)]
+    #[serde(skip_serializing_if = "Option::is_none", deserialize_with = "present")]
+    pub stiffness_pa: Option<f64>,
+}
+
+/// Changes of a [`Network`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct NetworkPatch {
+    /// From the handle to the server.
+    #[serde(skip_serializing_if = "Option::is_none", deserialize_with = "present")]
+    pub up: Option<ImpairmentPatch>,
+    /// From the server to the handle.
+    #[serde(skip_serializing_if = "Option::is_none", deserialize_with = "present")]
+    pub down: Option<ImpairmentPatch>,
+}
+
+/// Changes of an [`Impairment`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct ImpairmentPatch {
+    /// Mean delay, s.
+    #[schema(minimum = 0, maximum = 2)]
+    #[serde(skip_serializing_if = "Option::is_none", deserialize_with = "present")]
+    pub delay_s: Option<f64>,
+    /// Standard deviation of the delay, s.
+    #[schema(minimum = 0, maximum = 1)]
+    #[serde(skip_serializing_if = "Option::is_none", deserialize_with = "present")]
+    pub jitter_s: Option<f64>,
+    /// Share of packets lost.
+    #[schema(minimum = 0, maximum = 1)]
+    #[serde(skip_serializing_if = "Option::is_none", deserialize_with = "present")]
+    pub loss: Option<f64>,
+    /// Seed of every random draw of this direction.
+    #[schema(maximum = 9007199254740991_u64)]
+    #[serde(skip_serializing_if = "Option::is_none", deserialize_with = "present")]
+    pub seed: Option<u64>,
+    /// How delays scatter.
+    #[serde(skip_serializing_if = "Option::is_none", deserialize_with = "present")]
+    pub jitter_distribution: Option<JitterDistribution>,
+    /// Share of packets delivered twice.
+    #[schema(minimum = 0, maximum = 1)]
+    #[serde(skip_serializing_if = "Option::is_none", deserialize_with = "present")]
+    pub duplicate: Option<f64>,
+    /// Share of packets delivered after their successor.
+    #[schema(minimum = 0, maximum = 1)]
+    #[serde(skip_serializing_if = "Option::is_none", deserialize_with = "present")]
+    pub reorder: Option<f64>,
+    /// Losses in bursts; `null` ends them.
+    #[schema(value_type = Option<Burst>)]
+    #[serde(skip_serializing_if = "Option::is_none", deserialize_with = "present")]
+    pub burst: Option<Option<Burst>>,
+    /// Outages; `null` ends them.
+    #[schema(value_type = Option<Outage>)]
+    #[serde(skip_serializing_if = "Option::is_none", deserialize_with = "present")]
+    pub outage: Option<Option<Outage>>,
+}
+
+impl MaterialPatch {
+    /// The material after the change.
+    #[must_use]
+    pub fn apply(&self, to: Material) -> Material {
+        Material {
+            viscosity_pa_s_per_m: self.viscosity_pa_s_per_m.unwrap_or(to.viscosity_pa_s_per_m),
+            yield_stress_pa: self.yield_stress_pa.unwrap_or(to.yield_stress_pa),
+            stiffness_pa: self.stiffness_pa.unwrap_or(to.stiffness_pa),
+        }
+    }
+}
+
+impl NetworkPatch {
+    /// The network after the change.
+    #[must_use]
+    pub fn apply(&self, to: Network) -> Network {
+        Network {
+            up: self.up.map_or(to.up, |patch| patch.apply(to.up)),
+            down: self.down.map_or(to.down, |patch| patch.apply(to.down)),
+        }
+    }
+}
+
+impl ImpairmentPatch {
+    /// The impairment after the change.
+    #[must_use]
+    pub fn apply(&self, to: Impairment) -> Impairment {
+        Impairment {
+            delay_s: self.delay_s.unwrap_or(to.delay_s),
+            jitter_s: self.jitter_s.unwrap_or(to.jitter_s),
+            loss: self.loss.unwrap_or(to.loss),
+            seed: self.seed.unwrap_or(to.seed),
+            jitter_distribution: self.jitter_distribution.unwrap_or(to.jitter_distribution),
+            duplicate: self.duplicate.unwrap_or(to.duplicate),
+            reorder: self.reorder.unwrap_or(to.reorder),
+            burst: self.burst.unwrap_or(to.burst),
+            outage: self.outage.unwrap_or(to.outage),
+        }
+    }
+}
+
+impl From<Material> for MaterialPatch {
+    /// The change that gives exactly this material, whatever was before.
+    fn from(material: Material) -> Self {
+        Self {
+            viscosity_pa_s_per_m: Some(material.viscosity_pa_s_per_m),
+            yield_stress_pa: Some(material.yield_stress_pa),
+            stiffness_pa: Some(material.stiffness_pa),
+        }
+    }
+}
+
+impl From<Network> for NetworkPatch {
+    /// The change that gives exactly this network, whatever was before.
+    fn from(network: Network) -> Self {
+        Self {
+            up: Some(network.up.into()),
+            down: Some(network.down.into()),
+        }
+    }
+}
+
+impl From<Impairment> for ImpairmentPatch {
+    /// The change that gives exactly this impairment, whatever was before.
+    fn from(impairment: Impairment) -> Self {
+        Self {
+            delay_s: Some(impairment.delay_s),
+            jitter_s: Some(impairment.jitter_s),
+            loss: Some(impairment.loss),
+            seed: Some(impairment.seed),
+            jitter_distribution: Some(impairment.jitter_distribution),
+            duplicate: Some(impairment.duplicate),
+            reorder: Some(impairment.reorder),
+            burst: Some(impairment.burst),
+            outage: Some(impairment.outage),
+        }
+    }
+}
+
+/// A range is kept by a change exactly when it is kept by the change of something that keeps it, so that the limits stand
+/// in one place.
+impl Validate for SessionPatch {
+    fn validate(&self) -> Result<(), FieldError> {
+        self.material.validate_under("/material")?;
+        self.network.validate_under("/network")
+    }
+}
+
+impl Validate for MaterialPatch {
+    fn validate(&self) -> Result<(), FieldError> {
+        self.apply(Material::default()).validate()
+    }
+}
+
+impl Validate for NetworkPatch {
+    fn validate(&self) -> Result<(), FieldError> {
+        self.apply(Network::default()).validate()
+    }
+}
+
+impl Validate for ImpairmentPatch {
+    fn validate(&self) -> Result<(), FieldError> {
+        self.apply(Impairment::default()).validate()
+    }
+}
+
+/// Reads a field that is there. With serde's own `Option` a `null` would pass for a field left out; here it is an error,
+/// except where `null` itself is a value.
+pub(super) fn present<'de, D, T>(deserializer: D) -> Result<Option<T>, D::Error>
+where
+    D: Deserializer<'de>,
+    T: Deserialize<'de>,
+{
+    T::deserialize(deserializer).map(Some)
+}

@@ -1,0 +1,235 @@
+//! A session: what it is told to be, and what it is.
+
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+use super::{
+    Axes, ClayHash, ClayShape, ClaySpec, FieldError, Material, Network, Scheme, SessionId,
+    ToolDescription, Validate,
+};
+
+/// Most operators of one session.
+pub const MAX_TOOLS: u8 = 8;
+
+/// Body of `POST /sessions`. Only `id` must be there.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct NewSession {
+    /// The session's name.
+    pub id: SessionId,
+    /// How many axes move.
+    #[serde(default)]
+    pub axes: Axes,
+    /// The law that couples handle and tool.
+    #[serde(default)]
+    pub scheme: Scheme,
+    /// What the clay resists with.
+    #[serde(default)]
+    pub material: Material,
+    /// What happens to packets.
+    #[serde(default)]
+    pub network: Network,
+    /// What the clay starts as.
+    #[serde(default)]
+    pub clay: ClaySpec,
+    /// The tool of every operator.
+    #[serde(default)]
+    pub tool: ToolDescription,
+    /// How many operators may join.
+    #[serde(default = "one")]
+    #[schema(minimum = 1, maximum = 8, default = 1)]
+    pub tools: u8,
+}
+
+impl NewSession {
+    /// A session with every default.
+    #[must_use]
+    pub fn new(id: SessionId) -> Self {
+        Self {
+            id,
+            axes: Axes::default(),
+            scheme: Scheme::default(),
+            material: Material::default(),
+            network: Network::default(),
+            clay: ClaySpec::default(),
+            tool: ToolDescription::default(),
+            tools: one(),
+        }
+    }
+}
+
+impl Validate for NewSession {
+    fn validate(&self) -> Result<(), FieldError> {
+        self.material.validate_under("/material")?;
+        self.network.validate_under("/network")?;
+        self.clay.validate_under("/clay")?;
+        self.tool.validate_under("/tool")?;
+        if !(1..=MAX_TOOLS).contains(&self.tools) {
+            return Err(FieldError::new(
+                "/tools",
+                format!("{} is not a number from 1 to {MAX_TOOLS}", self.tools),
+            ));
+        }
+        Ok(())
+    }
+}
+
+const fn one() -> u8 {
+    1
+}
+
+/// A session as it is.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Session {
+    /// Its name.
+    pub id: SessionId,
+    /// The law that couples handle and tool.
+    pub scheme: Scheme,
+    /// How many axes move.
+    pub axes: Axes,
+    /// What the loop does.
+    pub state: SessionState,
+    /// Why the session is in fault; `null` when it is not.
+    pub fault: Option<String>,
+    /// What the clay resists with.
+    pub material: Material,
+    /// What the link conditioner does to packets.
+    pub network: Network,
+    /// The clay.
+    pub clay: ClayState,
+    /// The shape of the tools.
+    pub tool: ToolDescription,
+    /// One entry for each operator who may join, in the order of their `id`.
+    pub tools: Vec<ToolState>,
+    /// Tool displacement per handle displacement.
+    pub position_ratio: f64,
+    /// Greatest distance now between a tool and where its handle would have it, m.
+    pub coordination_m: f64,
+    /// The loop and its link.
+    #[serde(rename = "loop")]
+    pub control_loop: LoopState,
+}
+
+/// What a session's loop does.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum SessionState {
+    /// No operator is engaged.
+    #[default]
+    Idle,
+    /// A tool works.
+    Running,
+    /// Somebody has paused the session.
+    Paused,
+    /// The loop met a value it cannot work with; see [`Session::fault`].
+    Fault,
+}
+
+/// The clay of a session. `initial = remaining + removed` holds exactly, in units and in m³.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ClayState {
+    /// Edge of a voxel, m.
+    pub voxel_size_m: f64,
+    /// Volume of the fresh block, m³.
+    pub initial_volume_m3: f64,
+    /// Volume that is left, m³.
+    pub remaining_volume_m3: f64,
+    /// Volume that was cut, m³.
+    pub removed_volume_m3: f64,
+    /// Volume of the fresh block, in units.
+    pub initial_units: u64,
+    /// Volume that is left, in units.
+    pub remaining_units: u64,
+    /// Volume that was cut, in units.
+    pub removed_units: u64,
+    /// Volume of one unit, a 255th of a voxel, m³.
+    pub unit_volume_m3: f64,
+    /// Hash of all voxels.
+    pub hash: ClayHash,
+    /// What the block started as.
+    pub shape: ClayShape,
+    /// Counts the fresh blocks.
+    pub epoch: u32,
+}
+
+/// A tool and the operator who holds it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ToolState {
+    /// Its number within the session, from 1.
+    pub id: u32,
+    /// Who holds it; empty when nobody has yet.
+    pub operator: String,
+    /// Whether frames come in.
+    pub connected: bool,
+    /// Tool position in the clay's frame, m.
+    pub position_m: [f64; 3],
+    /// Force of the clay on the tool, N.
+    pub force_n: [f64; 3],
+    /// Handle position in the handle's frame, m.
+    pub handle_position_m: [f64; 3],
+    /// Reaction that the handle renders to the hand, N.
+    pub felt_force_n: [f64; 3],
+    /// Force of the hand on the handle, N.
+    pub hand_force_n: [f64; 3],
+    /// Tool position in the clay's frame when the handle is at its origin, m.
+    pub home_m: [f64; 3],
+}
+
+/// How the loop and its link do.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LoopState {
+    /// Ticks per second that the loop aims at.
+    pub rate_hz: f64,
+    /// Ticks since the session began.
+    pub ticks: u64,
+    /// Ticks that started more than half a tick late.
+    pub late_ticks: u64,
+    /// What a tick takes to compute, s.
+    pub tick_s: TickQuantiles,
+    /// Round trip, s.
+    pub rtt_s: Quantiles,
+    /// Age of the newest frame whenever a tick used it, s.
+    pub age_s: Quantiles,
+    /// Frames from handles that never came.
+    pub lost: u64,
+    /// Frames from handles that came more than once.
+    pub duplicates: u64,
+    /// Frames from handles that came after a later one.
+    pub reordered: u64,
+    /// Frames from handles, per second.
+    pub packets_up_per_s: f64,
+    /// Frames to handles, per second.
+    pub packets_down_per_s: f64,
+    /// Energy that entered the link at both ends less what left it, J; below zero the link has made energy.
+    pub energy_j: f64,
+    /// What the operating system granted the loop's thread.
+    pub scheduler: String,
+}
+
+/// Quantiles of the last few seconds; zeros before the first sample.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Quantiles {
+    /// Median.
+    pub p50: f64,
+    /// 99th percentile.
+    pub p99: f64,
+}
+
+/// Quantiles since the session began; zeros before the first sample.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TickQuantiles {
+    /// Median.
+    pub p50: f64,
+    /// 99th percentile.
+    pub p99: f64,
+    /// 99.9th percentile.
+    pub p999: f64,
+    /// Greatest.
+    pub max: f64,
+}

@@ -1,0 +1,88 @@
+//! Ranges, checked at the one place where numbers come in.
+
+use std::ops::RangeInclusive;
+
+/// A field that does not hold what it should.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{pointer}: {detail}")]
+pub struct FieldError {
+    /// JSON pointer (RFC 6901) of the field; empty for the whole body.
+    pub pointer: String,
+    /// What came and what was wanted.
+    pub detail: String,
+}
+
+impl FieldError {
+    /// An error at `pointer`.
+    pub fn new(pointer: impl Into<String>, detail: impl Into<String>) -> Self {
+        Self {
+            pointer: pointer.into(),
+            detail: detail.into(),
+        }
+    }
+
+    /// The same error, seen from the object that holds this one at `prefix`.
+    #[must_use]
+    pub fn under(mut self, prefix: &str) -> Self {
+        self.pointer.insert_str(0, prefix);
+        self
+    }
+}
+
+/// What has ranges to keep to.
+pub trait Validate {
+    /// Checks every range.
+    ///
+    /// # Errors
+    /// The first field that is out of its range or not finite, by its JSON pointer.
+    fn validate(&self) -> Result<(), FieldError>;
+
+    /// Checks every range of a part that stands at `prefix`.
+    ///
+    /// # Errors
+    /// As [`validate`](Self::validate), with `prefix` in front of the pointer.
+    fn validate_under(&self, prefix: &str) -> Result<(), FieldError> {
+        self.validate().map_err(|error| error.under(prefix))
+    }
+}
+
+/// Optional parts are checked where they are there.
+impl<T: Validate> Validate for Option<T> {
+    fn validate(&self) -> Result<(), FieldError> {
+        self.as_ref().map_or(Ok(()), T::validate)
+    }
+}
+
+/// A NaN lies in no range, so one comparison catches it too.
+pub(crate) fn check(
+    pointer: &str,
+    value: f64,
+    range: RangeInclusive<f64>,
+) -> Result<(), FieldError> {
+    if range.contains(&value) {
+        return Ok(());
+    }
+    let (least, most) = range.into_inner();
+    Err(FieldError::new(
+        pointer,
+        format!("{value} is not a number from {least} to {most}"),
+    ))
+}
+
+/// Names that people read: not empty, at most `most` characters, nothing that would move a cursor.
+pub(crate) fn check_text(pointer: &str, text: &str, most: usize) -> Result<(), FieldError> {
+    let length = text.chars().count();
+    if length == 0 || most < length {
+        return Err(FieldError::new(
+            pointer,
+            format!("{length} characters, wanted 1 to {most}"),
+        ));
+    }
+    match text.chars().find(|character| character.is_control()) {
+        Some(character) => Err(FieldError::new(
+            pointer,
+            format!("{character:?} is a control character"),
+        )),
+        None => Ok(()),
+    }
+}
