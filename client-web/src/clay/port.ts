@@ -1,0 +1,29 @@
+// What crosses between the page and the clay worker: brick messages as they came in, meshes back.
+
+import type { BrickMesh } from "./surface";
+
+export interface MeshedBrick {
+  readonly index: number;
+  /** Nothing: the brick has no surface. */
+  readonly mesh: BrickMesh | undefined;
+}
+
+export interface Meshes {
+  readonly type: "meshes";
+  /** The grid is another one: every mesh held before is void. */
+  readonly regridded: boolean;
+  readonly epoch: number;
+  readonly voxel_size_m: number;
+  readonly voxels_per_axis: readonly [number, number, number];
+  readonly bricks: readonly MeshedBrick[];
+  /** Bricks still to come. */
+  readonly stale: number;
+  readonly duration_ms: number;
+}
+
+export interface Undecodable {
+  readonly type: "undecodable";
+  readonly reason: string;
+}
+
+export type ClayUpdate = Meshes | Undecodable;

@@ -1,0 +1,201 @@
+// The clay's surface, brick by brick, as naive surface nets over occupancy.
+//
+// A vertex sits in every cell of eight voxel centres that the surface crosses, a quad around every edge between two
+// centres that it crosses. A brick owns the edges that start at its voxels; the vertices around them lie in cells -1 … 15,
+// so neighbours find the same vertices from the same voxels and the meshes meet without a crack.
+//
+// An untouched flat face, 512 triangles a brick, is drawn as a fan over its rim: the rim keeps every vertex, so nothing
+// opens towards a neighbour that is cut.
+
+import { BRICK_EDGE } from "../protocol/packing";
+import { Cell, ISOLEVEL } from "./cell";
+import { LAYER, type Neighbourhood, ORIGIN, ROW } from "./neighbourhood";
+
+export interface BrickMesh {
+  /** Three per vertex, voxels from the low corner of the grid. */
+  readonly positions: Float32Array<ArrayBuffer>;
+  /** Four per vertex: the outward normal scaled to 127, and a zero that keeps vertices on four bytes. */
+  readonly facing: Int8Array<ArrayBuffer>;
+  /** Three per triangle, counter-clockwise seen from the air. */
+  readonly indices: Uint16Array<ArrayBuffer>;
+}
+
+/** Which of a brick's low sides are the grid's own: edges from the air outside are then the brick's. */
+export type LowSides = readonly [boolean, boolean, boolean];
+
+const CELLS = BRICK_EDGE + 1;
+const STRIDE = [1, ROW, LAYER] as const;
+/** The cell in the middle of a layer. */
+const MIDDLE = 7;
+const UNSOLVED = -2;
+const SOLVED = -1;
+
+/** Finds surfaces; holds only working memory, reused from brick to brick. */
+export class SurfaceFinder {
+  readonly #cell = new Cell();
+  readonly #state = new Int16Array(CELLS ** 3);
+  readonly #solved = new Float32Array(6 * CELLS ** 3);
+  readonly #signs = new Int8Array(BRICK_EDGE * BRICK_EDGE);
+  #positions: number[] = [];
+  #facing: number[] = [];
+  #indices: number[] = [];
+  #voxels = new Uint8Array(0);
+  #corner: readonly number[] = [0, 0, 0];
+
+  /** The mesh of the brick in `around`, whose low corner is the grid's voxel `corner`. */
+  find(around: Neighbourhood, corner: readonly [number, number, number], low: LowSides): BrickMesh {
+    this.#voxels = around.voxels;
+    this.#corner = corner;
+    this.#state.fill(UNSOLVED);
+    this.#positions = [];
+    this.#facing = [];
+    this.#indices = [];
+    for (let axis = 0; axis < 3; axis += 1) {
+      for (let layer = low[axis] ? -1 : 0; layer < BRICK_EDGE; layer += 1) this.#addLayer(axis, layer);
+    }
+    return {
+      positions: Float32Array.from(this.#positions),
+      facing: Int8Array.from(this.#facing),
+      indices: Uint16Array.from(this.#indices),
+    };
+  }
+
+  /** The quads around all edges from voxel `layer` to the next one up `axis`. */
+  #addLayer(axis: number, layer: number): void {
+    const [u, v] = [(axis + 1) % 3, (axis + 2) % 3];
+    const start = ORIGIN + layer * STRIDE[axis];
+    let [ups, downs] = [0, 0];
+    for (let b = 0; b < BRICK_EDGE; b += 1) {
+      for (let a = 0; a < BRICK_EDGE; a += 1) {
+        const at = start + a * STRIDE[u] + b * STRIDE[v];
+        const inside = ISOLEVEL < this.#voxels[at];
+        const next = ISOLEVEL < this.#voxels[at + STRIDE[axis]];
+        const sign = inside === next ? 0 : inside ? 1 : -1;
+        this.#signs[a + BRICK_EDGE * b] = sign;
+        if (0 < sign) ups += 1;
+        if (sign < 0) downs += 1;
+      }
+    }
+    if (ups + downs === 0) return;
+    const face = { axis, u, v, layer };
+    const whole = ups === this.#signs.length || downs === this.#signs.length;
+    if (whole && this.#addFlat(face, this.#signs[0])) return;
+    for (let b = 0; b < BRICK_EDGE; b += 1) {
+      for (let a = 0; a < BRICK_EDGE; a += 1) {
+        const sign = this.#signs[a + BRICK_EDGE * b];
+        if (sign !== 0) this.#addQuad(face, a, b, sign);
+      }
+    }
+  }
+
+  #addQuad(face: Face, a: number, b: number, sign: number): void {
+    const corners = [
+      this.#vertex(face, a - 1, b - 1), this.#vertex(face, a, b - 1),
+      this.#vertex(face, a, b), this.#vertex(face, a - 1, b),
+    ];
+    // Split along the shorter diagonal: the longer one would dent ridges.
+    const turned = this.#distance(corners[1], corners[3]) < this.#distance(corners[0], corners[2]);
+    const [p, q, r, s] = turned ? [corners[1], corners[2], corners[3], corners[0]] : corners;
+    this.#addTriangle(p, q, r, sign);
+    this.#addTriangle(p, r, s, sign);
+  }
+
+  /** Draws the flat part of a whole layer as a fan, if that is worth it; returns whether it did. */
+  #addFlat(face: Face, sign: number): boolean {
+    const flat = this.#flatPart(face);
+    if (flat === undefined) return false;
+    const { a0, a1, b0, b1 } = flat;
+    const centre = this.#vertex(face, MIDDLE, MIDDLE);
+    const rim: number[] = [];
+    for (let a = a0; a < a1; a += 1) rim.push(this.#vertex(face, a, b0));
+    for (let b = b0; b < b1; b += 1) rim.push(this.#vertex(face, a1, b));
+    for (let a = a1; a0 < a; a -= 1) rim.push(this.#vertex(face, a, b1));
+    for (let b = b1; b0 < b; b -= 1) rim.push(this.#vertex(face, a0, b));
+    rim.forEach((vertex, n) => this.#addTriangle(centre, vertex, rim[(n + 1) % rim.length], sign));
+    for (let b = 0; b < BRICK_EDGE; b += 1) {
+      for (let a = 0; a < BRICK_EDGE; a += 1) {
+        const inFan = a0 < a && a <= a1 && b0 < b && b <= b1;
+        if (!inFan) this.#addQuad(face, a, b, sign);
+      }
+    }
+    return true;
+  }
+
+  /**
+   * The rectangle of vertices around the middle that lie in the layer's plane and face straight out. Its sides are read
+   * off the middle row and column: where the block ends, the last few vertices bend.
+   */
+  #flatPart(face: Face): Rectangle | undefined {
+    let [a0, a1, b0, b1] = [MIDDLE, MIDDLE, MIDDLE, MIDDLE];
+    while (-1 < a0 && this.#isFlat(face, a0 - 1, MIDDLE)) a0 -= 1;
+    while (a1 < BRICK_EDGE - 1 && this.#isFlat(face, a1 + 1, MIDDLE)) a1 += 1;
+    while (-1 < b0 && this.#isFlat(face, MIDDLE, b0 - 1)) b0 -= 1;
+    while (b1 < BRICK_EDGE - 1 && this.#isFlat(face, MIDDLE, b1 + 1)) b1 += 1;
+    if (a0 === MIDDLE || a1 === MIDDLE || b0 === MIDDLE || b1 === MIDDLE) return undefined;
+    for (let b = b0; b <= b1; b += 1) {
+      for (let a = a0; a <= a1; a += 1) if (!this.#isFlat(face, a, b)) return undefined;
+    }
+    return { a0, a1, b0, b1 };
+  }
+
+  #isFlat(face: Face, a: number, b: number): boolean {
+    const at = 6 * this.#solve(face, a, b);
+    return this.#solved[at + face.axis] === face.layer + 1 &&
+      this.#solved[at + face.u] === a + 1 &&
+      this.#solved[at + face.v] === b + 1 &&
+      0.9999 < Math.abs(this.#solved[at + 3 + face.axis]);
+  }
+
+  #addTriangle(p: number, q: number, r: number, sign: number): void {
+    if (0 < sign) this.#indices.push(p, q, r);
+    else this.#indices.push(p, r, q);
+  }
+
+  /** The output index of the vertex in the cell at (a, b) of a layer. */
+  #vertex(face: Face, a: number, b: number): number {
+    const cell = this.#solve(face, a, b);
+    if (this.#state[cell] !== SOLVED) return this.#state[cell];
+    const index = this.#positions.length / 3;
+    this.#state[cell] = index;
+    const at = 6 * cell;
+    for (let i = 0; i < 3; i += 1) this.#positions.push(this.#solved[at + i] + this.#corner[i]);
+    for (let i = 3; i < 6; i += 1) this.#facing.push(Math.round(127 * this.#solved[at + i]));
+    this.#facing.push(0);
+    return index;
+  }
+
+  /** Finds the vertex of a cell unless that was done already; returns the cell's place in the working memory. */
+  #solve(face: Face, a: number, b: number): number {
+    const at = [0, 0, 0];
+    at[face.axis] = face.layer;
+    at[face.u] = a;
+    at[face.v] = b;
+    const cell = at[0] + 1 + CELLS * (at[1] + 1 + CELLS * (at[2] + 1));
+    if (this.#state[cell] !== UNSOLVED) return cell;
+    this.#cell.solve(this.#voxels, at[0], at[1], at[2]);
+    this.#solved.set(this.#cell.position, 6 * cell);
+    this.#solved.set(this.#cell.normal, 6 * cell + 3);
+    this.#state[cell] = SOLVED;
+    return cell;
+  }
+
+  #distance(p: number, q: number): number {
+    const [x, y, z] = [0, 1, 2].map((i) => this.#positions[3 * p + i] - this.#positions[3 * q + i]);
+    return x * x + y * y + z * z;
+  }
+}
+
+/** A layer of edges along `axis`; `u` and `v` span it, in the order that makes a right-handed triple. */
+interface Face {
+  readonly axis: number;
+  readonly u: number;
+  readonly v: number;
+  readonly layer: number;
+}
+
+interface Rectangle {
+  readonly a0: number;
+  readonly a1: number;
+  readonly b0: number;
+  readonly b1: number;
+}
