@@ -1,0 +1,8 @@
+//! What both programs need around their pure loop: a monotonic clock, a 1 kHz thread on absolute deadlines, and Zenoh sessions that
+//! open nothing they were not told to open.
+
+mod clock;
+pub mod network;
+pub mod ticker;
+
+pub use clock::Clock;
