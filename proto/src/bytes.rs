@@ -52,7 +52,6 @@ impl<'a> Reader<'a> {
         self.array().map(u64::from_le_bytes)
     }
 
-    #[allow(dead_code)]
     pub(crate) fn f32(&mut self) -> Result<f32, FrameError> {
         self.array().map(f32::from_le_bytes)
     }
@@ -63,11 +62,6 @@ impl<'a> Reader<'a> {
 
     pub(crate) fn f64x3(&mut self) -> Result<[f64; 3], FrameError> {
         Ok([self.f64()?, self.f64()?, self.f64()?])
-    }
-
-    #[allow(dead_code)]
-    pub(crate) fn f32x3(&mut self) -> Result<[f32; 3], FrameError> {
-        Ok([self.f32()?, self.f32()?, self.f32()?])
     }
 
     pub(crate) fn i32x3(&mut self) -> Result<[i32; 3], FrameError> {

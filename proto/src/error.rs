@@ -76,14 +76,6 @@ pub enum FrameError {
         /// Bricks of the grid.
         bricks: u64,
     },
-    /// Bricks must come in rising order of their index, each at most once.
-    #[error("brick {index} does not come after brick {previous}")]
-    BricksOutOfOrder {
-        /// Index that came.
-        index: u32,
-        /// Index before it.
-        previous: u32,
-    },
     /// A packed brick does not expand to exactly one brick's voxels.
     #[error("packed brick expands to {got} voxels, wanted {want}")]
     WrongVoxelCount {
@@ -92,8 +84,8 @@ pub enum FrameError {
         /// Voxels of a brick.
         want: usize,
     },
-    /// A brick of one value carries bytes, or a packed one none.
-    #[error("brick of kind {kind} carries {got} bytes")]
+    /// An empty or full brick carries bytes.
+    #[error("brick of kind {kind} carries {got} bytes, wanted none")]
     WrongBrickLength {
         /// Kind of the brick.
         kind: u8,

@@ -61,7 +61,7 @@ pub struct Granted {
 }
 
 /// The clay, but for its voxels: those come with the answer of `…/clay/snapshot`.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ClayDescription {
     /// What the block started as.
@@ -187,7 +187,7 @@ impl Default for LoopParameters {
             // From nothing to the limit within 10 ms: faster than a hand reacts, slower than a jolt.
             slew_limit_n_per_s: 2000.0,
             // In front of the block, halfway across it, the blade's edge on top of the stepped block's base.
-            home_m: [0.0, 0.032, 0.020],
+            home_m: [0.0, 0.032, 0.010],
             // The default block and a handle's travel around it.
             reach_m: [[-0.1, -0.1, -0.1], [0.25, 0.2, 0.2]],
             speed_limit_m_s: 2.0,
@@ -225,7 +225,7 @@ impl Validate for Granted {
 impl Validate for ClayDescription {
     fn validate(&self) -> Result<(), FieldError> {
         crate::http::ClaySpec {
-            shape: self.shape,
+            shape: self.shape.clone(),
             voxel_size_m: self.voxel_size_m,
         }
         .validate()

@@ -17,6 +17,7 @@ pub mod frame;
 pub mod http;
 pub mod join;
 pub mod keys;
+pub mod watch;
 
 mod bytes;
 mod error;

@@ -14,20 +14,27 @@ use super::{FieldError, Material, Validate, check};
 /// Most voxels along one axis.
 pub const MAX_VOXELS_PER_AXIS: u32 = 512;
 
+/// Most steps of a stepped block.
+pub const MAX_STEPS: usize = 64;
+
+/// Longest edge of a block, m.
+const MAX_SIZE_M: f64 = 10.0;
 /// Extent of a block that is not told otherwise, m.
 const DEFAULT_SIZE_M: [f64; 3] = [0.128, 0.064, 0.064];
 /// Where the steps of the cutting experiment begin and end, [KHMH03] Fig. 7.
 const DEFAULT_EDGES_M: [f64; 4] = [0.03, 0.06, 0.09, 0.12];
 /// Depths of cut that give the experiment's 20, 40 and 60 N·s/m with its 10 mm blade in the default clay.
-const DEFAULT_DEPTHS_M: [f64; 3] = [0.01, 0.02, 0.03];
-/// Clay below the blade, thick enough that the blade's lower edge stays inside of the block.
-const DEFAULT_BASE_M: f64 = 0.02;
+const DEFAULT_DEPTHS_OF_CUT_M: [f64; 3] = [0.01, 0.02, 0.03];
+/// Clay below the blade, so that a cut has a floor.
+const DEFAULT_BASE_M: f64 = 0.01;
+/// As wide as the default block.
+const DEFAULT_WIDTH_M: f64 = 0.064;
 
 /// The shape of a fresh block. In JSON `{"kind": "block", "size_m": [0.128, 0.064, 0.064]}`.
 ///
-/// The block's frame has its origin at a corner, z up; it fills `[0, size]` along each axis. Whatever is left out takes
-/// its default.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+/// The clay's frame has its origin at a corner of the block, z up; the block fills `[0, size]` along each axis. Whatever is
+/// left out takes its default.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(tag = "kind", rename_all = "snake_case", try_from = "RawShape")]
 pub enum ClayShape {
     /// A full block.
@@ -35,33 +42,33 @@ pub enum ClayShape {
         /// Extent along x, y, z, m.
         size_m: [f64; 3],
     },
-    /// The block of the cutting experiment: along x the clay rises in three steps, so that a blade which moves level
-    /// cuts three depths one after the other.
+    /// The block of the cutting experiment: its top rises in steps along x, so that a blade which moves level cuts one
+    /// depth after the other.
     Stepped {
-        /// Extent of the grid along x, y, z, m.
-        size_m: [f64; 3],
-        /// Where along x the first, second and third step begin, and where the third ends, m.
-        edges_m: [f64; 4],
-        /// Height of each step above the base, m.
-        depths_m: [f64; 3],
-        /// Height of the clay that no step adds to, m: the blade's lower edge runs along its top.
+        /// Where the steps begin and end along x, m: ascending, one more than there are depths. Nothing stands outside.
+        edges_m: Vec<f64>,
+        /// Height of each step above the blade's lower edge, m; 1 to 64 steps.
+        depths_of_cut_m: Vec<f64>,
+        /// Height of the clay below the blade's lower edge, m.
         base_m: f64,
+        /// Extent along y, m.
+        width_m: f64,
     },
 }
 
 /// What a session's clay starts as.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct ClaySpec {
     /// Its shape.
     pub shape: ClayShape,
     /// Edge of a voxel, m.
-    #[schema(minimum = 1e-4, maximum = 0.01)]
+    #[schema(minimum = 1e-5, maximum = 0.1)]
     pub voxel_size_m: f64,
 }
 
 /// Asks for a fresh block.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct ClayReset {
     /// Its shape; the shape of the last block when left out.
@@ -93,30 +100,46 @@ pub struct ClayHashError {
 
 impl ClayShape {
     /// A full block of the default size.
-    pub const DEFAULT_BLOCK: Self = Self::Block {
-        size_m: DEFAULT_SIZE_M,
-    };
+    #[must_use]
+    pub const fn block() -> Self {
+        Self::Block {
+            size_m: DEFAULT_SIZE_M,
+        }
+    }
 
     /// The stepped block of the cutting experiment.
-    pub const DEFAULT_STEPPED: Self = Self::Stepped {
-        size_m: DEFAULT_SIZE_M,
-        edges_m: DEFAULT_EDGES_M,
-        depths_m: DEFAULT_DEPTHS_M,
-        base_m: DEFAULT_BASE_M,
-    };
-
-    /// Extent along x, y, z, m.
     #[must_use]
-    pub const fn size_m(&self) -> [f64; 3] {
-        match *self {
-            Self::Block { size_m } | Self::Stepped { size_m, .. } => size_m,
+    pub fn stepped() -> Self {
+        Self::Stepped {
+            edges_m: DEFAULT_EDGES_M.to_vec(),
+            depths_of_cut_m: DEFAULT_DEPTHS_OF_CUT_M.to_vec(),
+            base_m: DEFAULT_BASE_M,
+            width_m: DEFAULT_WIDTH_M,
+        }
+    }
+
+    /// Extent of the whole along x, y, z, m.
+    #[must_use]
+    pub fn size_m(&self) -> [f64; 3] {
+        match self {
+            Self::Block { size_m } => *size_m,
+            Self::Stepped {
+                edges_m,
+                depths_of_cut_m,
+                base_m,
+                width_m,
+            } => {
+                let far_m = edges_m.last().copied().unwrap_or(0.0);
+                let deepest_m = depths_of_cut_m.iter().copied().fold(0.0, f64::max);
+                [far_m, *width_m, base_m + deepest_m]
+            }
         }
     }
 }
 
 impl Default for ClayShape {
     fn default() -> Self {
-        Self::DEFAULT_BLOCK
+        Self::block()
     }
 }
 
@@ -132,51 +155,67 @@ impl Default for ClaySpec {
 
 impl Validate for ClayShape {
     fn validate(&self) -> Result<(), FieldError> {
-        for (axis, size) in self.size_m().into_iter().enumerate() {
-            check(&format!("/size_m/{axis}"), size, 1e-3..=1.0)?;
+        match self {
+            Self::Block { size_m } => {
+                for (axis, size) in size_m.iter().enumerate() {
+                    check_length(&format!("/size_m/{axis}"), *size)?;
+                }
+                Ok(())
+            }
+            Self::Stepped {
+                edges_m,
+                depths_of_cut_m,
+                base_m,
+                width_m,
+            } => {
+                let (edges, depths) = (edges_m.len(), depths_of_cut_m.len());
+                if !(1..=MAX_STEPS).contains(&depths) {
+                    let detail = format!("{depths} depths, wanted 1 to {MAX_STEPS}");
+                    return Err(FieldError::new("/depths_of_cut_m", detail));
+                }
+                if edges != depths + 1 {
+                    let detail = format!("{edges} edges for {depths} depths, wanted one more");
+                    return Err(FieldError::new("/edges_m", detail));
+                }
+                check("/edges_m/0", edges_m[0], 0.0..=MAX_SIZE_M)?;
+                for (index, pair) in edges_m.windows(2).enumerate() {
+                    let pointer = format!("/edges_m/{}", index + 1);
+                    check_length(&pointer, pair[1])?;
+                    if pair[1] <= pair[0] {
+                        let detail = format!("{} does not come after {}", pair[1], pair[0]);
+                        return Err(FieldError::new(pointer, detail));
+                    }
+                }
+                for (index, depth) in depths_of_cut_m.iter().enumerate() {
+                    check_length(&format!("/depths_of_cut_m/{index}"), *depth)?;
+                }
+                check("/base_m", *base_m, 0.0..=MAX_SIZE_M)?;
+                check_length("/width_m", *width_m)
+            }
         }
-        let Self::Stepped {
-            size_m,
-            edges_m,
-            depths_m,
-            base_m,
-        } = *self
-        else {
-            return Ok(());
-        };
-        let mut least = 0.0;
-        for (index, edge) in edges_m.into_iter().enumerate() {
-            check(&format!("/edges_m/{index}"), edge, least..=size_m[0])?;
-            least = edge;
-        }
-        check("/base_m", base_m, 0.0..=size_m[2])?;
-        for (index, depth) in depths_m.into_iter().enumerate() {
-            check(
-                &format!("/depths_m/{index}"),
-                depth,
-                0.0..=size_m[2] - base_m,
-            )?;
-        }
-        Ok(())
     }
 }
 
 impl Validate for ClaySpec {
     fn validate(&self) -> Result<(), FieldError> {
         self.shape.validate_under("/shape")?;
-        check("/voxel_size_m", self.voxel_size_m, 1e-4..=0.01)?;
-        for (axis, size) in self.shape.size_m().into_iter().enumerate() {
-            let voxels = (size / self.voxel_size_m).round();
-            if !(1.0..=f64::from(MAX_VOXELS_PER_AXIS)).contains(&voxels) {
+        check("/voxel_size_m", self.voxel_size_m, 1e-5..=0.1)?;
+        for (axis, size) in ["x", "y", "z"].into_iter().zip(self.shape.size_m()) {
+            // A millionth of a voxel is what the division's rounding may add.
+            let voxels = (size / self.voxel_size_m - 1e-6).ceil();
+            if f64::from(MAX_VOXELS_PER_AXIS) < voxels {
                 let detail = format!(
-                    "{size} m in voxels of {} m are {voxels} voxels, wanted 1 to {MAX_VOXELS_PER_AXIS}",
-                    self.voxel_size_m
+                    "{size} m along {axis} take {voxels} voxels, wanted at most {MAX_VOXELS_PER_AXIS}"
                 );
-                return Err(FieldError::new(format!("/shape/size_m/{axis}"), detail));
+                return Err(FieldError::new("/voxel_size_m", detail));
             }
         }
         Ok(())
     }
+}
+
+fn check_length(pointer: &str, length: f64) -> Result<(), FieldError> {
+    check(pointer, length, 1e-5..=MAX_SIZE_M)
 }
 
 impl Validate for ClayReset {
@@ -243,9 +282,10 @@ impl ToSchema for ClayHash {
 struct RawShape {
     kind: RawKind,
     size_m: Option<[f64; 3]>,
-    edges_m: Option<[f64; 4]>,
-    depths_m: Option<[f64; 3]>,
+    edges_m: Option<Vec<f64>>,
+    depths_of_cut_m: Option<Vec<f64>>,
     base_m: Option<f64>,
+    width_m: Option<f64>,
 }
 
 #[derive(Clone, Copy, Deserialize)]
@@ -259,20 +299,41 @@ impl TryFrom<RawShape> for ClayShape {
     type Error = &'static str;
 
     fn try_from(raw: RawShape) -> Result<Self, Self::Error> {
-        let size_m = raw.size_m.unwrap_or(DEFAULT_SIZE_M);
-        match raw.kind {
-            RawKind::Block
-                if raw.edges_m.is_some() || raw.depths_m.is_some() || raw.base_m.is_some() =>
-            {
-                Err("a block has a size_m and nothing else")
-            }
-            RawKind::Block => Ok(Self::Block { size_m }),
-            RawKind::Stepped => Ok(Self::Stepped {
+        match raw {
+            RawShape {
+                kind: RawKind::Block,
                 size_m,
-                edges_m: raw.edges_m.unwrap_or(DEFAULT_EDGES_M),
-                depths_m: raw.depths_m.unwrap_or(DEFAULT_DEPTHS_M),
-                base_m: raw.base_m.unwrap_or(DEFAULT_BASE_M),
+                edges_m: None,
+                depths_of_cut_m: None,
+                base_m: None,
+                width_m: None,
+            } => Ok(Self::Block {
+                size_m: size_m.unwrap_or(DEFAULT_SIZE_M),
             }),
+            RawShape {
+                kind: RawKind::Block,
+                ..
+            } => Err("a block has a size_m and nothing else"),
+            RawShape {
+                kind: RawKind::Stepped,
+                size_m: None,
+                edges_m,
+                depths_of_cut_m,
+                base_m,
+                width_m,
+            } => Ok(Self::Stepped {
+                edges_m: edges_m.unwrap_or_else(|| DEFAULT_EDGES_M.to_vec()),
+                depths_of_cut_m: depths_of_cut_m
+                    .unwrap_or_else(|| DEFAULT_DEPTHS_OF_CUT_M.to_vec()),
+                base_m: base_m.unwrap_or(DEFAULT_BASE_M),
+                width_m: width_m.unwrap_or(DEFAULT_WIDTH_M),
+            }),
+            RawShape {
+                kind: RawKind::Stepped,
+                ..
+            } => Err(
+                "a stepped block has edges_m, depths_of_cut_m, a base_m and a width_m, and no size_m",
+            ),
         }
     }
 }

@@ -14,7 +14,9 @@ mod session;
 mod validate;
 
 pub use body::{BodyError, parse};
-pub use clay::{ClayHash, ClayHashError, ClayReset, ClayShape, ClaySpec, MAX_VOXELS_PER_AXIS};
+pub use clay::{
+    ClayHash, ClayHashError, ClayReset, ClayShape, ClaySpec, MAX_STEPS, MAX_VOXELS_PER_AXIS,
+};
 pub use health::{Health, HealthStatus, Readiness};
 pub use network::{Burst, Impairment, JitterDistribution, Network, Outage};
 pub use patch::{ImpairmentPatch, MaterialPatch, NetworkPatch, SessionPatch};

@@ -39,7 +39,7 @@ pub struct Impairment {
     /// Share of packets delivered twice.
     #[schema(minimum = 0, maximum = 1)]
     pub duplicate: f64,
-    /// Share of packets delivered after their successor.
+    /// Share of packets that overtake: they skip the delay altogether.
     #[schema(minimum = 0, maximum = 1)]
     pub reorder: f64,
     /// Losses in bursts, on top of `loss`.
@@ -57,7 +57,7 @@ pub enum JitterDistribution {
     /// Normal, cut off at a delay of zero.
     #[default]
     Normal,
-    /// Heavy-tailed: most packets a little early, a few very late.
+    /// Pareto of the same mean and deviation: most packets a little early, a few very late.
     HeavyTailed,
 }
 
@@ -76,7 +76,7 @@ pub struct Burst {
     pub loss_in_burst: f64,
 }
 
-/// A channel that passes nothing for a while, again and again.
+/// A channel that passes nothing for the last `length_s` of every `every_s`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Outage {

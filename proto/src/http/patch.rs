@@ -81,7 +81,7 @@ pub struct ImpairmentPatch {
     #[schema(minimum = 0, maximum = 1)]
     #[serde(skip_serializing_if = "Option::is_none", deserialize_with = "present")]
     pub duplicate: Option<f64>,
-    /// Share of packets delivered after their successor.
+    /// Share of packets that overtake.
     #[schema(minimum = 0, maximum = 1)]
     #[serde(skip_serializing_if = "Option::is_none", deserialize_with = "present")]
     pub reorder: Option<f64>,

@@ -127,7 +127,7 @@ pub enum SessionState {
 }
 
 /// The clay of a session. `initial = remaining + removed` holds exactly, in units and in m³.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ClayState {
     /// Edge of a voxel, m.

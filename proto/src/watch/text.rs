@@ -1,0 +1,170 @@
+//! Text messages: JSON objects, told apart by their `type`.
+
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+use crate::SessionId;
+use crate::http::{
+    BodyError, ClayReset, FieldError, Problem, Session, SessionPatch, Validate, parse,
+};
+
+/// From the server to a watcher.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields)]
+pub enum ServerText {
+    /// The first message on every socket.
+    Hello {
+        /// The protocol that the server speaks, [`PROTOCOL`](crate::PROTOCOL).
+        protocol: u32,
+        /// The session that the socket watches.
+        session: SessionId,
+        /// Version of the server.
+        server_version: String,
+    },
+    /// The session as it is: after `hello`, whenever something was changed, and a few times a second.
+    State {
+        /// The session.
+        session: Box<Session>,
+    },
+    /// Something happened.
+    Event {
+        /// How grave it is.
+        level: Level,
+        /// What happened, for people.
+        text: String,
+        /// When, since the session began, s.
+        time_s: f64,
+    },
+    /// A message of the watcher's was not acceptable. Nothing of it was done.
+    Problem {
+        /// Why.
+        problem: Problem,
+    },
+    /// Answers a `ping`.
+    Pong {
+        /// The ping's number.
+        nonce: u32,
+    },
+}
+
+/// How grave an event is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Level {
+    /// Good to know.
+    Info,
+    /// Something is not as it should be, and the session goes on.
+    Warning,
+    /// The session does not go on.
+    Error,
+}
+
+/// From a watcher to the server.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(tag = "type", rename_all = "snake_case", try_from = "RawClientText")]
+pub enum ClientText {
+    /// Which binary messages the watcher wants; none before the first `subscribe`.
+    Subscribe {
+        /// Telemetry of every tool.
+        telemetry: Switch,
+        /// Bricks: a whole picture, then changes.
+        bricks: Switch,
+    },
+    /// As `PATCH /sessions/{id}`.
+    Patch {
+        /// The changes.
+        session: SessionPatch,
+    },
+    /// As `POST /sessions/{id}/clay/reset`.
+    Reset {
+        /// The fresh block.
+        clay: ClayReset,
+    },
+    /// Asks for a `pong`.
+    Ping {
+        /// Comes back with the pong.
+        nonce: u32,
+    },
+}
+
+/// Whether something is sent.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Switch {
+    /// It is sent.
+    On,
+    /// It is not.
+    #[default]
+    Off,
+}
+
+impl ClientText {
+    /// Parses a text message and checks every range in it.
+    ///
+    /// # Errors
+    /// As [`parse`].
+    pub fn parse(text: &str) -> Result<Self, BodyError> {
+        parse(text.as_bytes())
+    }
+}
+
+impl Validate for ClientText {
+    fn validate(&self) -> Result<(), FieldError> {
+        match self {
+            Self::Patch { session } => session.validate_under("/session"),
+            Self::Reset { clay } => clay.validate_under("/clay"),
+            Self::Subscribe { .. } | Self::Ping { .. } => Ok(()),
+        }
+    }
+}
+
+/// A message as it is spelt, flat: an error then names the very field, which serde's own tagged enumerations cannot.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawClientText {
+    #[serde(rename = "type")]
+    kind: RawKind,
+    telemetry: Option<Switch>,
+    bricks: Option<Switch>,
+    session: Option<SessionPatch>,
+    clay: Option<ClayReset>,
+    nonce: Option<u32>,
+}
+
+#[derive(Clone, Copy, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum RawKind {
+    Subscribe,
+    Patch,
+    Reset,
+    Ping,
+}
+
+impl TryFrom<RawClientText> for ClientText {
+    type Error = &'static str;
+
+    fn try_from(raw: RawClientText) -> Result<Self, Self::Error> {
+        let RawClientText {
+            kind,
+            telemetry,
+            bricks,
+            session,
+            clay,
+            nonce,
+        } = raw;
+        match (kind, telemetry, bricks, session, clay, nonce) {
+            (RawKind::Subscribe, Some(telemetry), Some(bricks), None, None, None) => {
+                Ok(Self::Subscribe { telemetry, bricks })
+            }
+            (RawKind::Subscribe, ..) => {
+                Err("a subscribe has telemetry and bricks, and nothing else")
+            }
+            (RawKind::Patch, None, None, Some(session), None, None) => Ok(Self::Patch { session }),
+            (RawKind::Patch, ..) => Err("a patch has a session and nothing else"),
+            (RawKind::Reset, None, None, None, Some(clay), None) => Ok(Self::Reset { clay }),
+            (RawKind::Reset, ..) => Err("a reset has a clay and nothing else"),
+            (RawKind::Ping, None, None, None, None, Some(nonce)) => Ok(Self::Ping { nonce }),
+            (RawKind::Ping, ..) => Err("a ping has a nonce and nothing else"),
+        }
+    }
+}
