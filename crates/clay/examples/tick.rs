@@ -1,0 +1,125 @@
+//! Times one clay tick (cut, contact, force) on grids of different sizes: `cargo run --release -p teleclay-clay --example tick`.
+//!
+//! A ball of 12.8 voxels radius moves a quarter of a voxel per tick through fresh clay, half sunk into the top of the block and
+//! wholly inside it; the paper's blade cuts at three depths.
+#![allow(clippy::print_stdout)] // a program's output
+
+use std::time::Instant;
+
+use teleclay_clay::{Clay, ContactState, Material, Motion, Pose, Shape, Tool, ToolShape};
+
+const VOXEL_M: f64 = 5e-4;
+
+struct Stroke {
+    name: &'static str,
+    tool: ToolShape,
+    voxels: usize,
+    /// Height of the tool's pose above the middle of the block, in voxels.
+    height: f64,
+    direction: [f64; 3],
+}
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let ball = ToolShape::ball(12.8 * VOXEL_M)?;
+    let blade = ToolShape::paper_blade();
+    let along = [1.0, 0.0, 0.0];
+    let up = [0.0, 0.0, 1.0];
+    let diagonal = [0.6, 0.64, 0.48];
+    for voxels in [64, 128, 256, 512] {
+        let edge = voxels as f64;
+        for stroke in [
+            Stroke {
+                name: "ball inside, along x",
+                tool: ball,
+                voxels,
+                height: 0.0,
+                direction: along,
+            },
+            Stroke {
+                name: "ball inside, along z",
+                tool: ball,
+                voxels,
+                height: 0.0,
+                direction: up,
+            },
+            Stroke {
+                name: "ball inside, diagonal",
+                tool: ball,
+                voxels,
+                height: 0.0,
+                direction: diagonal,
+            },
+            Stroke {
+                name: "ball half sunk, along x",
+                tool: ball,
+                voxels,
+                height: 0.5 * edge,
+                direction: along,
+            },
+            Stroke {
+                name: "blade 1 cm deep",
+                tool: blade,
+                voxels,
+                height: 0.5 * edge - 20.0,
+                direction: along,
+            },
+            Stroke {
+                name: "ball in air",
+                tool: ball,
+                voxels,
+                height: edge,
+                direction: along,
+            },
+        ] {
+            stroke.run()?;
+        }
+    }
+    Ok(())
+}
+
+impl Stroke {
+    fn run(&self) -> Result<(), Box<dyn std::error::Error>> {
+        let size_m = self.voxels as f64 * VOXEL_M;
+        let mut clay = Clay::new(
+            &Shape::Block {
+                size_m: [size_m; 3],
+            },
+            VOXEL_M,
+        )?;
+        clay.commit_pages();
+        let tool = Tool::new(self.tool);
+        let (material, mut contact) = (Material::default(), ContactState::default());
+        let step_m = 0.25 * VOXEL_M;
+        let ticks = self.voxels * 3;
+        let middle = 0.5 * size_m;
+        let place = |tick: usize| {
+            let way_m = (tick as f64 - 0.5 * ticks as f64) * step_m;
+            let lift_m = self.height * VOXEL_M;
+            Pose::quantise(std::array::from_fn(|axis| {
+                middle + way_m * self.direction[axis] + if axis == 2 { lift_m } else { 0.0 }
+            }))
+        };
+        let velocity_m_s = self.direction.map(|d| d * step_m / 1e-3);
+        let mut ticks_s = Vec::with_capacity(ticks);
+        let mut force_n = 0.0;
+        for tick in 0..ticks {
+            let motion = Motion::new(place(tick)?, place(tick + 1)?, velocity_m_s)?;
+            let start = Instant::now();
+            let worked = clay.work(&tool, &material, &motion, &mut contact);
+            ticks_s.push(start.elapsed().as_secs_f64());
+            force_n += worked.response.force_n[0];
+        }
+        ticks_s.sort_by(f64::total_cmp);
+        let at = |share: f64| ticks_s[(share * (ticks - 1) as f64) as usize] * 1e6;
+        println!(
+            "{:>3}^3  {:<24} p50 {:>6.2} us  p99 {:>6.2} us  max {:>7.2} us  (mean force {:.3} N)",
+            self.voxels,
+            self.name,
+            at(0.5),
+            at(0.99),
+            at(1.0),
+            force_n / ticks as f64,
+        );
+        Ok(())
+    }
+}

@@ -1,0 +1,388 @@
+//! Occupancy of the voxels, stored by bricks.
+//!
+//! An occupancy is a byte, 0 for air and 255 for solid clay. A brick is empty, full, or has a slot of 4 KiB in one slab. The slab has
+//! room for every brick from the start and is asked for zeroed, so that the operating system commits its pages only as they are
+//! first carved, and carving itself never allocates.
+
+use crate::grid::{BRICK_EDGE, BRICK_VOXELS, BrickIndex, Grid};
+use crate::shape::{Shape, covered_share};
+
+/// Occupancy of solid clay.
+pub const SOLID: u8 = 255;
+/// Sum of the occupancies of a full brick.
+pub(crate) const FULL_SUM: u32 = BRICK_VOXELS as u32 * SOLID as u32;
+
+/// The content of a brick: x fastest, then y, then z.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BrickView<'a> {
+    /// Air throughout.
+    Empty,
+    /// Solid throughout.
+    Full,
+    /// Occupancies, 0 to 255.
+    Voxels(&'a [u8; BRICK_VOXELS]),
+}
+
+/// How a brick is stored. Canonical: a slot never holds a brick that is empty or full throughout.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Brick {
+    Empty,
+    Full,
+    Slot(u32),
+}
+
+#[derive(Debug)]
+pub(crate) struct Field {
+    grid: Grid,
+    bricks: Vec<Brick>,
+    /// Sum of occupancies of each brick.
+    sums: Vec<u32>,
+    slab: Vec<u8>,
+    /// Slots given back; its capacity is that of the slab.
+    free: Vec<u32>,
+    /// Slots from here on were never used.
+    unused_from: u32,
+    total: u64,
+}
+
+impl Field {
+    /// Every voxel gets the share of it that lies in the shape, rounded to 1/255.
+    pub(crate) fn filled(grid: Grid, shape: &Shape) -> Self {
+        let mut field = Self::empty(grid);
+        let scale = 1.0 / grid.voxel_size_m();
+        let boxes: Vec<_> = shape
+            .boxes()
+            .map(|(lower_m, upper_m)| (lower_m.map(|at| at * scale), upper_m.map(|at| at * scale)))
+            .collect();
+        for dense in 0..grid.brick_count() {
+            let voxels = fresh_voxels(&grid, BrickIndex::new(dense), &boxes);
+            field.replace(dense, BrickView::Voxels(&voxels));
+        }
+        field
+    }
+
+    fn empty(grid: Grid) -> Self {
+        let count = grid.brick_count();
+        Self {
+            grid,
+            bricks: vec![Brick::Empty; count],
+            sums: vec![0; count],
+            slab: vec![0; count * BRICK_VOXELS],
+            free: Vec::with_capacity(count),
+            unused_from: 0,
+            total: 0,
+        }
+    }
+
+    pub(crate) const fn grid(&self) -> &Grid {
+        &self.grid
+    }
+
+    /// Sum of all occupancies.
+    pub(crate) const fn total(&self) -> u64 {
+        self.total
+    }
+
+    pub(crate) fn brick_sum(&self, brick: usize) -> u32 {
+        self.sums[brick]
+    }
+
+    #[inline]
+    pub(crate) fn brick(&self, brick: usize) -> Brick {
+        self.bricks[brick]
+    }
+
+    pub(crate) fn view(&self, brick: usize) -> BrickView<'_> {
+        match self.bricks[brick] {
+            Brick::Empty => BrickView::Empty,
+            Brick::Full => BrickView::Full,
+            Brick::Slot(slot) => BrickView::Voxels(self.slot(slot)),
+        }
+    }
+
+    #[inline]
+    pub(crate) fn slot(&self, slot: u32) -> &[u8; BRICK_VOXELS] {
+        &self.slab.as_chunks::<BRICK_VOXELS>().0[slot as usize]
+    }
+
+    #[inline]
+    pub(crate) fn slot_mut(&mut self, slot: u32) -> &mut [u8; BRICK_VOXELS] {
+        &mut self.slab.as_chunks_mut::<BRICK_VOXELS>().0[slot as usize]
+    }
+
+    /// Occupancy of a voxel; air outside the grid.
+    pub(crate) fn occupancy(&self, voxel: [i32; 3]) -> u8 {
+        let bricks = self.grid.bricks().map(usize::from);
+        let edge = BRICK_EDGE as i32;
+        let outside =
+            (0..3).any(|axis| voxel[axis] < 0 || bricks[axis] <= (voxel[axis] / edge) as usize);
+        if outside {
+            return 0;
+        }
+        let [x, y, z] = voxel.map(|at| at as usize);
+        let dense = ((z / BRICK_EDGE) * bricks[1] + y / BRICK_EDGE) * bricks[0] + x / BRICK_EDGE;
+        match self.bricks[dense] {
+            Brick::Empty => 0,
+            Brick::Full => SOLID,
+            Brick::Slot(slot) => {
+                let (x, y, z) = (x % BRICK_EDGE, y % BRICK_EDGE, z % BRICK_EDGE);
+                self.slot(slot)[(z * BRICK_EDGE + y) * BRICK_EDGE + x]
+            }
+        }
+    }
+
+    /// Gives a full brick a slot of its own, so that part of it can be removed.
+    pub(crate) fn materialise(&mut self, brick: usize) -> u32 {
+        let slot = self.take_slot();
+        self.slot_mut(slot).fill(SOLID);
+        self.bricks[brick] = Brick::Slot(slot);
+        slot
+    }
+
+    /// Books what was removed from a brick that has a slot, and gives the slot back when nothing is left.
+    #[inline]
+    pub(crate) fn book_removal(&mut self, brick: usize, removed: u32) {
+        self.total -= u64::from(removed);
+        self.sums[brick] -= removed;
+        if self.sums[brick] == 0 {
+            self.release(brick);
+            self.bricks[brick] = Brick::Empty;
+        }
+    }
+
+    /// Puts new content in a brick and returns whether anything changed. Allocates nothing.
+    pub(crate) fn replace(&mut self, brick: usize, view: BrickView<'_>) -> bool {
+        if self.view(brick) == canonical(view) {
+            return false;
+        }
+        let view = canonical(view);
+        let sum = sum_of(view);
+        match view {
+            BrickView::Empty | BrickView::Full => {
+                self.release(brick);
+                let full = view == BrickView::Full;
+                self.bricks[brick] = if full { Brick::Full } else { Brick::Empty };
+            }
+            BrickView::Voxels(voxels) => {
+                let slot = match self.bricks[brick] {
+                    Brick::Slot(slot) => slot,
+                    Brick::Empty | Brick::Full => self.take_slot(),
+                };
+                *self.slot_mut(slot) = *voxels;
+                self.bricks[brick] = Brick::Slot(slot);
+            }
+        }
+        self.total = self.total - u64::from(self.sums[brick]) + u64::from(sum);
+        self.sums[brick] = sum;
+        true
+    }
+
+    /// Writes to every page of the slab that was never used, so that no later cut waits for the operating system to commit one.
+    pub(crate) fn commit_pages(&mut self) {
+        let used = self.unused_from as usize * BRICK_VOXELS;
+        self.slab[used..].fill(0);
+    }
+
+    fn release(&mut self, brick: usize) {
+        if let Brick::Slot(slot) = self.bricks[brick] {
+            self.free.push(slot);
+        }
+    }
+
+    fn take_slot(&mut self) -> u32 {
+        self.free.pop().unwrap_or_else(|| {
+            let slot = self.unused_from;
+            self.unused_from += 1;
+            slot
+        })
+    }
+}
+
+impl Clone for Field {
+    /// Copies the slots in use; pages never carved stay uncommitted in the copy too.
+    fn clone(&self) -> Self {
+        let mut free = Vec::with_capacity(self.bricks.len());
+        free.extend_from_slice(&self.free);
+        let mut slab = vec![0; self.slab.len()];
+        for brick in &self.bricks {
+            if let Brick::Slot(slot) = *brick {
+                let at = slot as usize * BRICK_VOXELS;
+                slab[at..at + BRICK_VOXELS].copy_from_slice(self.slot(slot));
+            }
+        }
+        Self {
+            grid: self.grid,
+            bricks: self.bricks.clone(),
+            sums: self.sums.clone(),
+            slab,
+            free,
+            unused_from: self.unused_from,
+            total: self.total,
+        }
+    }
+}
+
+/// Sum of the occupancies of a brick.
+pub(crate) fn sum_of(view: BrickView<'_>) -> u32 {
+    match view {
+        BrickView::Empty => 0,
+        BrickView::Full => FULL_SUM,
+        BrickView::Voxels(voxels) => voxels.iter().map(|&occupancy| u32::from(occupancy)).sum(),
+    }
+}
+
+/// Says empty or full of voxels that are all air or all solid.
+pub(crate) fn canonical(view: BrickView<'_>) -> BrickView<'_> {
+    match view {
+        BrickView::Voxels(voxels) if voxels.iter().all(|&occupancy| occupancy == 0) => {
+            BrickView::Empty
+        }
+        BrickView::Voxels(voxels) if voxels.iter().all(|&occupancy| occupancy == SOLID) => {
+            BrickView::Full
+        }
+        other => other,
+    }
+}
+
+fn fresh_voxels(
+    grid: &Grid,
+    index: BrickIndex,
+    boxes: &[([f64; 3], [f64; 3])],
+) -> [u8; BRICK_VOXELS] {
+    let first = grid
+        .brick_coordinates(index)
+        .map(|at| usize::from(at) * BRICK_EDGE);
+    let mut shares = vec![0.0; BRICK_VOXELS];
+    for (lower, upper) in boxes {
+        let along: [[f64; BRICK_EDGE]; 3] = std::array::from_fn(|axis| {
+            std::array::from_fn(|at| covered_share(first[axis] + at, lower[axis], upper[axis]))
+        });
+        for (at, share) in shares.iter_mut().enumerate() {
+            let (x, y, z) = (
+                at % BRICK_EDGE,
+                at / BRICK_EDGE % BRICK_EDGE,
+                at / BRICK_EDGE / BRICK_EDGE,
+            );
+            *share += along[0][x] * along[1][y] * along[2][z];
+        }
+    }
+    let mut voxels = [0; BRICK_VOXELS];
+    for (voxel, share) in voxels.iter_mut().zip(shares) {
+        *voxel = (share * f64::from(SOLID) + 0.5).min(f64::from(SOLID)) as u8;
+    }
+    voxels
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::shape::{SteppedBlock, SteppedDimensions};
+
+    fn field(size_m: [f64; 3]) -> Field {
+        let shape = Shape::Block { size_m };
+        Field::filled(shape.grid(1e-3).unwrap(), &shape)
+    }
+
+    #[test]
+    fn a_fresh_block_is_crisp_and_full_bricks_take_no_slot() {
+        let field = field([0.040, 0.032, 0.016]);
+        assert_eq!(field.total(), 40 * 32 * 16 * 255);
+        assert_eq!(field.brick(0), Brick::Full);
+        assert_eq!(
+            field.unused_from, 2,
+            "only the two bricks at the odd end hold voxels"
+        );
+        assert_eq!(field.occupancy([39, 31, 15]), 255);
+        for outside in [
+            [40, 0, 0],
+            [47, 0, 0],
+            [48, 0, 0],
+            [0, 32, 0],
+            [-1, 0, 0],
+            [0, 0, i32::MAX],
+        ] {
+            assert_eq!(field.occupancy(outside), 0);
+        }
+    }
+
+    #[test]
+    fn a_voxel_cut_by_the_blocks_face_holds_its_share() {
+        let field = field([0.0105, 0.010, 0.010]);
+        assert_eq!(field.occupancy([9, 5, 5]), 255);
+        assert_eq!(field.occupancy([10, 5, 5]), 128);
+        let volume = field.total() as f64 / 255.0;
+        assert!((volume - 1050.0).abs() < 0.25);
+    }
+
+    #[test]
+    fn the_steps_stand_where_they_should_even_inside_a_voxel() {
+        let shape = Shape::Stepped(
+            SteppedBlock::new(SteppedDimensions {
+                edges_m: vec![0.0105, 0.020, 0.030],
+                depths_of_cut_m: vec![0.004, 0.008],
+                base_m: 0.002,
+                width_m: 0.010,
+            })
+            .unwrap(),
+        );
+        let field = Field::filled(shape.grid(1e-3).unwrap(), &shape);
+        assert_eq!(field.occupancy([9, 4, 0]), 0);
+        assert_eq!(field.occupancy([10, 4, 0]), 128);
+        assert_eq!(field.occupancy([19, 4, 5]), 255);
+        assert_eq!(field.occupancy([19, 4, 6]), 0);
+        assert_eq!(field.occupancy([20, 4, 9]), 255);
+        assert_eq!(field.occupancy([29, 9, 9]), 255);
+        let volume_m3 = field.total() as f64 / 255.0 * 1e-9;
+        assert!((volume_m3 / shape.volume_m3() - 1.0).abs() < 1e-3);
+    }
+
+    #[test]
+    fn replacing_keeps_sums_and_gives_slots_back() {
+        let mut field = field([0.032, 0.016, 0.016]);
+        let mut voxels = [0; BRICK_VOXELS];
+        voxels[17] = 9;
+        assert!(field.replace(1, BrickView::Voxels(&voxels)));
+        assert_eq!(field.total(), u64::from(FULL_SUM) + 9);
+        assert!(
+            !field.replace(1, BrickView::Voxels(&voxels)),
+            "the same again changes nothing"
+        );
+        let unused = field.unused_from;
+        assert!(field.replace(1, BrickView::Empty));
+        assert_eq!(field.total(), u64::from(FULL_SUM));
+        assert!(
+            !field.replace(0, BrickView::Voxels(&[255; BRICK_VOXELS])),
+            "full is full"
+        );
+        assert!(field.replace(0, BrickView::Voxels(&voxels)));
+        assert_eq!(field.unused_from, unused, "the slot is used again");
+        assert_eq!(field.total(), 9);
+    }
+
+    #[test]
+    fn a_removal_to_nothing_empties_the_brick() {
+        let mut field = field([0.016; 3]);
+        let slot = field.materialise(0);
+        field.slot_mut(slot).fill(0);
+        field.book_removal(0, FULL_SUM);
+        assert_eq!((field.brick(0), field.total()), (Brick::Empty, 0));
+        assert_eq!(field.free, [slot]);
+    }
+
+    #[test]
+    fn a_clone_is_equal_and_apart() {
+        let mut original = field([0.040, 0.016, 0.016]);
+        let voxels = std::array::from_fn(|at| at as u8);
+        original.replace(0, BrickView::Voxels(&voxels));
+        let mut copy = original.clone();
+        for brick in 0..3 {
+            assert_eq!(copy.view(brick), original.view(brick));
+        }
+        assert!(copy.replace(0, BrickView::Empty));
+        assert_eq!(original.view(0), BrickView::Voxels(&voxels));
+        assert!(
+            original.bricks.len() <= copy.free.capacity(),
+            "a copy never allocates either"
+        );
+    }
+}

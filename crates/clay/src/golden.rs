@@ -1,0 +1,95 @@
+//! One number that depends on every bit of a fixed piece of work, to compare machines by.
+
+use crate::clay::Clay;
+use crate::engage::Tool;
+use crate::hash;
+use crate::law::{Coefficients, ContactState, Material, Motion};
+use crate::pose::Pose;
+use crate::shape::{Shape, SteppedBlock};
+use crate::sweep::Sweep;
+use crate::tool::{Blade, BladeDimensions, ToolShape};
+
+/// What [`digest`] must return on every machine.
+pub const DIGEST: u64 = 0x6103_015a_7dc3_a75e;
+
+/// Cuts, feels and hashes by a fixed plan: strokes of a ball and of a blade, short and long, along the grid and across it, starting where
+/// the last one ended and out of nowhere, inside the clay and past it. The bits of every force and every hash go into the digest.
+///
+/// # Panics
+/// Never: the plan's numbers are valid.
+#[must_use]
+pub fn digest() -> u64 {
+    let mut clay = Clay::new(&Shape::Stepped(SteppedBlock::paper()), 1e-3)
+        .expect("the paper's block fits a grid of millimetres");
+    let material = Material::new(Coefficients {
+        viscosity_pa_s_per_m: 2e5,
+        yield_stress_pa: 3e3,
+        stiffness_pa: 4e5,
+    })
+    .expect("coefficients are in range");
+    let blade = BladeDimensions {
+        width_m: 0.007,
+        height_m: 0.019,
+        thickness_m: 0.0023,
+    };
+    let tools = [
+        Tool::new(ToolShape::ball(0.0061).expect("radius is in range")),
+        Tool::new(ToolShape::Blade(
+            Blade::new(blade).expect("dimensions are in range"),
+        )),
+    ];
+    let mut plan = Plan(0x7465_6C65_636C_6179);
+    let mut digest = hash::fold(0, clay.hash());
+    for stroke in 0..24 {
+        let tool = &tools[stroke % 2];
+        let mut contact = ContactState::default();
+        let mut at = plan.steps_within([0.125, 0.070, 0.045]);
+        let velocity_m_s = plan
+            .steps_within([0.4, 0.4, 0.2])
+            .map(|steps| f64::from(steps) / 16_777_216.0 - 0.1);
+        for _ in 0..40 {
+            let from = Pose::from_steps(at);
+            at = std::array::from_fn(|axis| at[axis] + (velocity_m_s[axis] * 16_777.216) as i32);
+            let motion =
+                Motion::new(from, Pose::from_steps(at), velocity_m_s).expect("the tool is slow");
+            let worked = clay.work(tool, &material, &motion, &mut contact);
+            for force_n in worked.response.force_n {
+                digest = hash::fold(digest, force_n.to_bits());
+            }
+        }
+        let sweep = Sweep {
+            shape: *tool.shape(),
+            from: Pose::from_steps(at),
+            to: Pose::from_steps(plan.steps_within([0.125, 0.070, 0.045])),
+        };
+        clay.carve(&sweep);
+        digest = hash::fold(digest, clay.hash());
+    }
+    digest
+}
+
+/// A fixed sequence of numbers, by Knuth's linear congruential generator for 64 bits.
+struct Plan(u64);
+
+impl Plan {
+    fn steps_within(&mut self, size_m: [f64; 3]) -> [i32; 3] {
+        size_m.map(|size_m| {
+            self.0 = self
+                .0
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_040_888_963_407);
+            let share = (self.0 >> 33) as f64 / 2_147_483_648.0;
+            (share * size_m * 16_777_216.0) as i32
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn this_machine_gets_the_same_bits_as_every_other() {
+        assert_eq!(digest(), DIGEST, "got {:#018x}", digest());
+    }
+}
