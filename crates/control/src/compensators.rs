@@ -131,6 +131,15 @@ impl Sides {
         self.g_h.times(&self.c_h1)?.plus(&self.s_h)
     }
 
+    /// `rho = A_h1 / |A_h2|`: how much the clay's answer weighs against the arm's.
+    ///
+    /// # Errors
+    /// A ratio has the wrong sign.
+    pub fn force_per_position(&self) -> Result<f64, CompensatorError> {
+        require_ratios(self.position_ratio, self.force_ratio)?;
+        Ok(self.position_ratio / -self.force_ratio)
+    }
+
     /// (30)–(32) as formulas, which have a frequency response even where no machine could realise them.
     ///
     /// # Errors

@@ -10,19 +10,32 @@
 //! | run it at 1 kHz | [`StateSpace`] → [`DiscreteStateSpace`] with a [`State`] per axis |
 //! | tie the tool to the handle | [`compensators`], [`Inverse`] and [`Follower`] |
 
+pub mod analysis;
+mod closed_loop;
 pub mod compensators;
+mod curves;
+mod delay;
 mod discrete;
 mod follower;
+mod frequency;
+mod margins;
 pub mod paper;
 mod polynomial;
 mod rational;
+mod roots;
 mod state_space;
+pub mod wall;
 
+pub use closed_loop::{ClosedLoop, LoopError};
+pub use curves::Curve;
+pub use delay::{DelayMargin, NoMargin, delay_margin};
 pub use discrete::{DiscreteStateSpace, DiscretiseError, State};
 pub use follower::{Follower, FollowerError, FollowerState, Inverse};
+pub use margins::{ClassicalMargins, GainMargin, Margins, NyquistDistance, PhaseMargin, SmallGain};
 pub use nalgebra::Complex;
 pub use polynomial::{Polynomial, PolynomialError};
 pub use rational::{RationalError, RationalFunction};
+pub use roots::RootsError;
 pub use state_space::{StateSpace, StateSpaceError};
 
 /// Highest order of anything that is stepped, and of either part of a rational function.

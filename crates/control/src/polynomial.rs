@@ -203,6 +203,30 @@ pub(crate) fn is_exactly_zero(value: f64) -> bool {
     value == 0.0
 }
 
+/// `numerator(s) / denominator(s)`, without an overflow on the way; not finite only where the quotient itself is not.
+pub(crate) fn quotient_at(
+    numerator: &Polynomial,
+    denominator: &Polynomial,
+    s: Complex<f64>,
+) -> Complex<f64> {
+    if s.norm() <= 1.0 {
+        return numerator.at(s) / denominator.at(s);
+    }
+    // Both parts in powers of 1/s: neither overflows at a high frequency before the quotient is taken.
+    let inverse = s.inv();
+    let excess = numerator.degree() as i32 - denominator.degree() as i32;
+    reversed_at(numerator, inverse) / reversed_at(denominator, inverse) * s.powi(excess)
+}
+
+/// `s^-n p(s)` as a function of `1/s`.
+fn reversed_at(polynomial: &Polynomial, inverse: Complex<f64>) -> Complex<f64> {
+    polynomial
+        .descending
+        .iter()
+        .rev()
+        .fold(Complex::new(0.0, 0.0), |sum, &c| sum * inverse + c)
+}
+
 /// Keeps at least one coefficient, so that zero stays a polynomial.
 fn without_leading_zeros(descending: &[f64]) -> &[f64] {
     let zeros = descending

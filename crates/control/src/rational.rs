@@ -1,7 +1,7 @@
 //! Transfer functions as quotients of polynomials in `s`.
 
 use crate::MAX_ORDER;
-use crate::polynomial::{Polynomial, PolynomialError};
+use crate::polynomial::{Polynomial, PolynomialError, quotient_at};
 use nalgebra::Complex;
 
 /// `numerator(s) / denominator(s)`; either part may have the higher degree.
@@ -113,15 +113,7 @@ impl RationalFunction {
     /// Value at a complex point; `None` at a pole, and where the value is too large for a number.
     #[must_use]
     pub fn at(&self, s: Complex<f64>) -> Option<Complex<f64>> {
-        let value = if s.norm() <= 1.0 {
-            self.numerator.at(s) / self.denominator.at(s)
-        } else {
-            // Both parts in powers of 1/s, so that neither overflows at a high frequency before the quotient is taken.
-            let inverse = s.inv();
-            let excess = self.numerator.degree() as i32 - self.denominator.degree() as i32;
-            reversed_at(&self.numerator, inverse) / reversed_at(&self.denominator, inverse)
-                * s.powi(excess)
-        };
+        let value = quotient_at(&self.numerator, &self.denominator, s);
         (value.re.is_finite() && value.im.is_finite()).then_some(value)
     }
 
@@ -209,13 +201,4 @@ impl RationalFunction {
             .map_err(RationalError::Numerator)?;
         Self::from_parts(numerator, self.denominator.clone())
     }
-}
-
-/// `s^-n p(s)` as a function of `1/s`.
-fn reversed_at(polynomial: &Polynomial, inverse: Complex<f64>) -> Complex<f64> {
-    polynomial
-        .coefficients()
-        .iter()
-        .rev()
-        .fold(Complex::new(0.0, 0.0), |sum, &c| sum * inverse + c)
 }

@@ -1,0 +1,140 @@
+//! The loop that operator, handle, tool and clay close together. Source: [KHMH03] (33)–(34) and their derivation.
+//!
+//! With `P = G_h C_h1 + S_h`, `rho = A_h1 / |A_h2|` and clay `T_t`, all as polynomials that are never cancelled:
+//!
+//! ```text
+//! P = N / D      H = P T_h = N_H / D      E = rho P T_t = N_E / D      1 + H + E = C / D
+//! ```
+//!
+//! `C` holds every closed-loop pole, hidden ones too. `L = H + E` is the loop gain.
+
+use crate::compensators::{CompensatorError, Sides};
+use crate::frequency::{Features, Mesh};
+use crate::polynomial::{Polynomial, PolynomialError, quotient_at};
+use crate::rational::RationalError;
+use crate::roots::RootsError;
+use nalgebra::Complex;
+
+/// Operator, handle, tool and clay of one axis, joined.
+#[derive(Clone, Debug)]
+pub struct ClosedLoop {
+    /// `D`.
+    pub(crate) d: Polynomial,
+    /// `N_H`, the arm's share.
+    pub(crate) n_h: Polynomial,
+    /// `N_E`, the clay's share.
+    pub(crate) n_e: Polynomial,
+    /// `N_H + N_E`.
+    pub(crate) n_l: Polynomial,
+    /// `C = D + N_H + N_E`.
+    pub(crate) c: Polynomial,
+}
+
+/// Why there is no loop to speak of.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum LoopError {
+    /// A ratio has the wrong sign.
+    #[error(transparent)]
+    Compensator(#[from] CompensatorError),
+    /// The admittance `G_h C_h1 + S_h` passes the cap.
+    #[error("admittance G_h C_h1 + S_h: {0}")]
+    Admittance(#[source] RationalError),
+    /// A product of loop polynomials overflows or is too long.
+    #[error("loop polynomial: {0}")]
+    Polynomial(#[from] PolynomialError),
+    /// `1 + L` is zero everywhere: the equations do not determine the motion.
+    #[error("1 + P (T_h + rho T_t) is zero at every frequency")]
+    Undetermined,
+    /// Roots that the analysis needs are not to be had.
+    #[error("roots of the loop: {0}")]
+    Roots(#[from] RootsError),
+}
+
+impl ClosedLoop {
+    /// Joins the sides with an arm `t_h` and clay `t_t`, both forces per metre of motion.
+    ///
+    /// # Errors
+    /// A ratio has the wrong sign, a product is out of range, or the loop does not determine the motion.
+    pub fn new(sides: &Sides, t_h: &Polynomial, t_t: &Polynomial) -> Result<Self, LoopError> {
+        let rho = sides.force_per_position()?;
+        let p = sides.admittance().map_err(LoopError::Admittance)?;
+        let d = p.denominator().clone();
+        let n_h = p.numerator().times(t_h)?;
+        let n_e = p.numerator().times(t_t)?.scaled(rho)?;
+        let n_l = n_h.plus(&n_e)?;
+        let c = d.plus(&n_l)?;
+        if c.is_zero() {
+            return Err(LoopError::Undetermined);
+        }
+        Ok(Self {
+            d,
+            n_h,
+            n_e,
+            n_l,
+            c,
+        })
+    }
+
+    /// Closed-loop poles without delay, rad/s, ordered by real part, then by imaginary part.
+    ///
+    /// # Errors
+    /// The roots are not to be had.
+    pub fn poles(&self) -> Result<Vec<Complex<f64>>, RootsError> {
+        self.c.roots()
+    }
+
+    /// Whether every pole is left of the axis by more than rounding, without delay.
+    ///
+    /// # Errors
+    /// The roots are not to be had.
+    pub fn is_stable_without_delay(&self) -> Result<bool, RootsError> {
+        self.c.is_hurwitz()
+    }
+
+    /// Loop gain `L = P (T_h + rho T_t)` at `j omega`. Not finite at a pole on the axis.
+    #[must_use]
+    pub fn gain_at(&self, omega_rad_s: f64) -> Complex<f64> {
+        quotient_at(&self.n_l, &self.d, Complex::new(0.0, omega_rad_s))
+    }
+
+    /// `1 + L` at `j omega`, from the poles' polynomial, so that it keeps its digits near -1.
+    #[must_use]
+    pub fn return_difference_at(&self, omega_rad_s: f64) -> Complex<f64> {
+        quotient_at(&self.c, &self.d, Complex::new(0.0, omega_rad_s))
+    }
+
+    /// A mesh for curves of `L` and `1 + L`.
+    pub(crate) fn mesh(&self) -> Result<Mesh, RootsError> {
+        let mut features = Features::default();
+        for factor in [&self.d, &self.n_l, &self.c] {
+            features.add_roots(factor)?;
+        }
+        features.add_outer_crossings(&self.n_l, &self.d);
+        Ok(features.mesh())
+    }
+}
+
+/// Magnitude that a quotient of polynomials approaches at the lowest and at the highest frequencies.
+pub(crate) fn limits(numerator: &Polynomial, denominator: &Polynomial) -> [f64; 2] {
+    if numerator.is_zero() {
+        return [0.0, 0.0];
+    }
+    let lowest = |p: &Polynomial| p.coefficients()[p.degree() - p.roots_at_origin()];
+    let limit = |excess: std::cmp::Ordering, quotient: f64| match excess {
+        std::cmp::Ordering::Less => 0.0,
+        std::cmp::Ordering::Equal => quotient.abs(),
+        std::cmp::Ordering::Greater => f64::INFINITY,
+    };
+    [
+        limit(
+            denominator
+                .roots_at_origin()
+                .cmp(&numerator.roots_at_origin()),
+            lowest(numerator) / lowest(denominator),
+        ),
+        limit(
+            numerator.degree().cmp(&denominator.degree()),
+            numerator.leading() / denominator.leading(),
+        ),
+    ]
+}

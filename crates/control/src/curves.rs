@@ -1,0 +1,125 @@
+//! Nyquist and Bode curves, sampled where they bend.
+
+use crate::closed_loop::ClosedLoop;
+use crate::roots::RootsError;
+use nalgebra::Complex;
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+
+/// The loop gain `L(j omega)` along ascending frequencies. All lists have one length.
+///
+/// Straight lines between neighbours stay within about half a per cent of the distance to -1, and within a tenth of a
+/// decibel: a plot needs nothing in between.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Curve {
+    /// Frequencies, rad/s.
+    pub omega_rad_s: Vec<f64>,
+    /// Real part of `L`.
+    pub re: Vec<f64>,
+    /// Imaginary part of `L`.
+    pub im: Vec<f64>,
+    /// `20 log10 |L|`, dB.
+    pub magnitude_db: Vec<f64>,
+    /// Phase of `L` without jumps, rad, from the phase that the integrators give at the lowest frequency.
+    pub phase_rad: Vec<f64>,
+}
+
+/// A chord may miss the curve by this share of the distance to -1.
+const CHORD_TOLERANCE: f64 = 5e-3;
+/// A chord in a Bode plot may miss the curve by this, in nepers (0.09 dB) and in rad (0.6 degrees).
+const BODE_TOLERANCE: f64 = 1e-2;
+/// Enough for every sensible plot; a curve with more needles than that is drawn more coarsely, never without end.
+const MOST_POINTS: usize = 4000;
+/// Halvings of one mesh interval.
+const DEEPEST: usize = 6;
+/// Every `STRIDE`-th mesh point starts the refinement: the mesh finds extrema, a plot needs less.
+const STRIDE: usize = 8;
+
+impl ClosedLoop {
+    /// Nyquist and Bode data of `L`; `also_at_rad_s` are points that must be among the samples.
+    ///
+    /// Frequencies at which `L` has a pole are left out.
+    ///
+    /// # Errors
+    /// Roots are not to be had.
+    pub fn curve(&self, also_at_rad_s: &[f64]) -> Result<Curve, RootsError> {
+        let mesh = self.mesh()?;
+        let mut coarse: Vec<f64> = mesh.omegas().iter().step_by(STRIDE).copied().collect();
+        coarse.extend(mesh.omegas().last());
+        coarse.extend(
+            also_at_rad_s
+                .iter()
+                .filter(|omega| omega.is_finite() && 0.0 < **omega),
+        );
+        coarse.sort_by(f64::total_cmp);
+        coarse.dedup();
+        let mut samples: Vec<(f64, Complex<f64>)> = Vec::with_capacity(2 * coarse.len());
+        for pair in coarse.windows(2) {
+            let ends = [pair[0], pair[1]].map(|omega| (omega, self.gain_at(omega)));
+            samples.push(ends[0]);
+            self.refine(ends, DEEPEST, &mut samples);
+        }
+        samples.extend(coarse.last().map(|&omega| (omega, self.gain_at(omega))));
+        samples.retain(|(_, gain)| gain.re.is_finite() && gain.im.is_finite());
+        Ok(self.curve_of(&samples))
+    }
+
+    /// Adds what lies strictly between the ends.
+    fn refine(
+        &self,
+        [from, to]: [(f64, Complex<f64>); 2],
+        depth: usize,
+        samples: &mut Vec<(f64, Complex<f64>)>,
+    ) {
+        if depth == 0 || MOST_POINTS <= samples.len() {
+            return;
+        }
+        let omega = (from.0 * to.0).sqrt();
+        let middle = (omega, self.gain_at(omega));
+        if !(from.0 < omega && omega < to.0) || is_straight(from.1, middle.1, to.1) {
+            return;
+        }
+        self.refine([from, middle], depth - 1, samples);
+        samples.push(middle);
+        self.refine([middle, to], depth - 1, samples);
+    }
+
+    fn curve_of(&self, samples: &[(f64, Complex<f64>)]) -> Curve {
+        let mut curve = Curve::default();
+        // At the low end L is k (j omega)^power.
+        let power = self.n_l.roots_at_origin() as f64 - self.d.roots_at_origin() as f64;
+        let mut before: Option<f64> = None;
+        for &(omega, gain) in samples {
+            let wrapped = gain.arg();
+            let phase = match before {
+                Some(before) => before + (wrapped - before + PI).rem_euclid(TAU) - PI,
+                None => nearest_turn(wrapped, power * FRAC_PI_2),
+            };
+            before = Some(phase);
+            curve.omega_rad_s.push(omega);
+            curve.re.push(gain.re);
+            curve.im.push(gain.im);
+            curve.magnitude_db.push(20.0 * gain.norm().log10());
+            curve.phase_rad.push(phase);
+        }
+        curve
+    }
+}
+
+/// Whether a straight line from end to end is as good as the curve, in a Nyquist and in a Bode plot.
+fn is_straight(from: Complex<f64>, middle: Complex<f64>, to: Complex<f64>) -> bool {
+    let chord = to - from;
+    let along = if 0.0 < chord.norm_sqr() {
+        (((middle - from) * chord.conj()).re / chord.norm_sqr()).clamp(0.0, 1.0)
+    } else {
+        0.0
+    };
+    let nyquist = (from + chord * along - middle).norm();
+    let bode = (middle / from).ln() - (to / middle).ln();
+    // NaN, at a pole, asks for refinement.
+    nyquist <= CHORD_TOLERANCE * (middle + 1.0).norm() && bode.norm() <= 2.0 * BODE_TOLERANCE
+}
+
+/// The angle plus whole turns, nearest to `wanted`.
+fn nearest_turn(angle: f64, wanted: f64) -> f64 {
+    angle + ((wanted - angle) / TAU).round() * TAU
+}

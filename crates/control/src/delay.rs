@@ -1,0 +1,203 @@
+//! How much round-trip delay a loop bears, with the exact `exp(-s d)`, never a rational stand-in.
+//!
+//! A quasi-polynomial `A(s) + B(s) exp(-s d)` that is stable at `d = 0` first loses stability where it has a root on
+//! the imaginary axis, which needs `|A(j w)| = |B(j w)|`. Those frequencies do not depend on `d`; each then tells the
+//! delays that complete the phase: `w d = arg(-B/A) mod 2 pi`. The least of them is the margin.
+//!
+//! The two schemes, with `D, N_H, N_E, C` of [`ClosedLoop`]:
+//!
+//! ```text
+//! position forward, force back   1 + H + E exp(-s d) = 0            A = D + N_H              B = N_E
+//! force exchange, [KHMH03]       (1+E)(1+H) - H E exp(-s d) = 0     A = (D+N_E)(D+N_H)       B = -N_E N_H
+//! ```
+//!
+//! In force exchange `A + B = D C`, so `A/B` is one plus a term that may be tiny; it is computed from that term.
+
+use crate::closed_loop::{ClosedLoop, LoopError, limits};
+use crate::frequency::Features;
+use crate::polynomial::{Polynomial, quotient_at};
+use nalgebra::Complex;
+use std::f64::consts::TAU;
+
+/// What a loop bears.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum DelayMargin {
+    /// Stable at every delay.
+    Unbounded,
+    /// Stable below this round trip. Zero when any delay at all is too much.
+    Finite {
+        /// The round trip at which the first root reaches the axis, s.
+        seconds: f64,
+        /// Where on the axis it does so, rad/s; infinite when an unending row of roots does at once.
+        omega_rad_s: f64,
+    },
+    /// There is nothing to keep.
+    None(NoMargin),
+}
+
+/// Why there is no delay margin.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NoMargin {
+    /// The loop is not stable even without delay.
+    UnstableWithoutDelay,
+    /// Force exchange keeps a copy of the admittance on either side. It has modes that are not stable by themselves,
+    /// and what feeds back to one copy does not hold the difference between the two.
+    UnstableAdmittance,
+}
+
+impl DelayMargin {
+    /// The margin in s where it is finite.
+    #[must_use]
+    pub fn seconds(&self) -> Option<f64> {
+        match self {
+            Self::Finite { seconds, .. } => Some(*seconds),
+            Self::Unbounded | Self::None(_) => None,
+        }
+    }
+
+    /// Whether a loop with this margin is stable with a round trip of `delay_s`.
+    #[must_use]
+    pub fn bears(&self, delay_s: f64) -> bool {
+        match self {
+            Self::Unbounded => true,
+            Self::Finite { seconds, .. } => delay_s < *seconds,
+            Self::None(_) => false,
+        }
+    }
+}
+
+/// Delay margin of `A(s) + B(s) exp(-s d) = 0`.
+///
+/// # Errors
+/// `A + B` is zero everywhere or out of range, or roots are not to be had.
+pub fn delay_margin(a: &Polynomial, b: &Polynomial) -> Result<DelayMargin, LoopError> {
+    let sum = a.plus(b)?;
+    if sum.is_zero() {
+        return Err(LoopError::Undetermined);
+    }
+    if !sum.is_hurwitz()? {
+        return Ok(DelayMargin::None(NoMargin::UnstableWithoutDelay));
+    }
+    if b.is_zero() {
+        return Ok(DelayMargin::Unbounded);
+    }
+    if let Some(zero) = lost_at_once(limits(b, a)[1]) {
+        return Ok(zero);
+    }
+    let mut features = Features::default();
+    for factor in [a, b, &sum] {
+        features.add_roots(factor)?;
+    }
+    features.add_outer_crossings(b, a);
+    let ratio = |omega: f64| quotient_at(b, a, Complex::new(0.0, omega));
+    let crossings = features.mesh().crossings(|omega| ratio(omega).norm().ln());
+    Ok(first_delay(&crossings, |omega| (-ratio(omega)).arg()))
+}
+
+impl ClosedLoop {
+    /// Delay margin when the tool follows the handle's position and the clay's force comes back.
+    ///
+    /// # Errors
+    /// Roots are not to be had.
+    pub fn delay_margin_position_force(&self) -> Result<DelayMargin, LoopError> {
+        delay_margin(&self.d.plus(&self.n_h)?, &self.n_e)
+    }
+
+    /// Delay margin of the paper's own scheme, in which each side integrates both forces.
+    ///
+    /// The two admittances have an integrator each. Their difference drifts at every delay, and the margin does not
+    /// speak of it: that is the loss of coordination that this scheme has instead of a loss of stability.
+    ///
+    /// # Errors
+    /// Roots are not to be had.
+    pub fn delay_margin_force_exchange(&self) -> Result<DelayMargin, LoopError> {
+        if !self.is_stable_without_delay()? {
+            return Ok(DelayMargin::None(NoMargin::UnstableWithoutDelay));
+        }
+        if !self.admittances_stay_together()? {
+            return Ok(DelayMargin::None(NoMargin::UnstableAdmittance));
+        }
+        if self.n_e.is_zero() || self.n_h.is_zero() {
+            return Ok(DelayMargin::Unbounded);
+        }
+        let with_clay = self.d.plus(&self.n_e)?;
+        let with_arm = self.d.plus(&self.n_h)?;
+        if let Some(zero) =
+            lost_at_once(limits(&self.n_e, &with_clay)[1] * limits(&self.n_h, &with_arm)[1])
+        {
+            return Ok(zero);
+        }
+        let mut features = Features::default();
+        for factor in [
+            &self.d, &self.n_e, &self.n_h, &with_clay, &with_arm, &self.c,
+        ] {
+            features.add_roots(factor)?;
+        }
+        features.add_outer_crossings(&self.n_e, &with_clay);
+        features.add_outer_crossings(&self.n_h, &with_arm);
+        features.add_outer_crossings(&self.d, &self.n_e);
+        features.add_outer_crossings(&self.c, &self.n_h);
+        // (1+E)(1+H)/(H E) = 1 + q,  q = (D/N_E)(C/N_H).
+        let q = |omega: f64| {
+            let s = Complex::new(0.0, omega);
+            quotient_at(&self.d, &self.n_e, s) * quotient_at(&self.c, &self.n_h, s)
+        };
+        // |1 + q|² - 1 without forming 1 + q.
+        let excess = |omega: f64| {
+            let q = q(omega);
+            let difference = q.norm_sqr() + 2.0 * q.re;
+            if difference.is_finite() {
+                difference.max(-1.0).ln_1p()
+            } else {
+                f64::INFINITY
+            }
+        };
+        let crossings = features.mesh().crossings(excess);
+        Ok(first_delay(&crossings, |omega| -(1.0 + q(omega)).arg()))
+    }
+
+    /// Whether the modes that two copies of `P` have apart from each other stay bounded once there is any delay.
+    ///
+    /// Without delay the characteristic polynomial of force exchange is `D C`: the roots of `D` are the difference
+    /// between the copies. Roots left of the axis are harmless. Of `k` at the origin, `D C + N_E N_H d s` keeps some
+    /// there (drift) and lets the others go: one along the real axis, to the left if the signs agree; two or more apart
+    /// in all directions.
+    fn admittances_stay_together(&self) -> Result<bool, LoopError> {
+        if !self.d.is_hurwitz_apart_from_origin()? {
+            return Ok(false);
+        }
+        let integrators = self.d.roots_at_origin();
+        if self.n_e.is_zero() || self.n_h.is_zero() {
+            return Ok(integrators <= 1);
+        }
+        let kept = self.n_e.roots_at_origin() + self.n_h.roots_at_origin() + 1;
+        let lowest = |p: &Polynomial| p.coefficients()[p.degree() - p.roots_at_origin()];
+        Ok(match integrators.saturating_sub(kept) {
+            0 => true,
+            1 => 0.0 < lowest(&self.d) * lowest(&self.c) * lowest(&self.n_e) * lowest(&self.n_h),
+            _ => false,
+        })
+    }
+}
+
+/// When the delayed part does not fall off against the rest, roots far up the axis cross at the slightest delay.
+fn lost_at_once(ratio_at_infinity: f64) -> Option<DelayMargin> {
+    (1.0 <= ratio_at_infinity).then_some(DelayMargin::Finite {
+        seconds: 0.0,
+        omega_rad_s: f64::INFINITY,
+    })
+}
+
+fn first_delay(crossings_rad_s: &[f64], phase_rad: impl Fn(f64) -> f64) -> DelayMargin {
+    crossings_rad_s
+        .iter()
+        .map(|&omega| (phase_rad(omega).rem_euclid(TAU) / omega, omega))
+        .filter(|(seconds, _)| seconds.is_finite())
+        .min_by(|a, b| a.0.total_cmp(&b.0))
+        .map_or(DelayMargin::Unbounded, |(seconds, omega_rad_s)| {
+            DelayMargin::Finite {
+                seconds,
+                omega_rad_s,
+            }
+        })
+}
