@@ -25,7 +25,7 @@ export class ClayMirror {
   apply(message: BricksMessage): boolean {
     const regridded =
       message.voxel_size_m !== this.voxel_size_m || message.bricks_per_axis.some((n, i) => n !== this.perAxis[i]);
-    if (regridded || message.first_of_picture) this.#forget(message);
+    if (regridded || message.whole) this.#forget(message);
     this.epoch = message.clay_epoch;
     for (const update of message.bricks) this.#replace(update);
     return regridded;

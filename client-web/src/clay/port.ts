@@ -6,6 +6,8 @@ export interface MeshedBrick {
   readonly index: number;
   /** Nothing: the brick has no surface. */
   readonly mesh: BrickMesh | undefined;
+  /** Mean occupancy of blocks of voxels: see `coarse.ts`. */
+  readonly coarse: Uint8Array<ArrayBuffer>;
 }
 
 export interface Meshes {
@@ -14,7 +16,7 @@ export interface Meshes {
   readonly regridded: boolean;
   readonly epoch: number;
   readonly voxel_size_m: number;
-  readonly voxels_per_axis: readonly [number, number, number];
+  readonly bricks_per_axis: readonly [number, number, number];
   readonly bricks: readonly MeshedBrick[];
   /** Bricks still to come. */
   readonly stale: number;

@@ -2,6 +2,7 @@
 
 import { decodeBricks } from "../protocol/bricks";
 import { BRICK_EDGE } from "../protocol/packing";
+import { coarse } from "./coarse";
 import { ClayMirror } from "./mirror";
 import { Neighbourhood } from "./neighbourhood";
 import type { ClayUpdate, MeshedBrick } from "./port";
@@ -38,7 +39,8 @@ function meshSlice(): void {
   while (performance.now() - started < SLICE_MS) {
     const index = mirror.takeStale();
     if (index === undefined) break;
-    bricks.push({ index, mesh: meshBrick(index) });
+    const voxels = mirror.voxels(...mirror.coordinates(index));
+    bricks.push({ index, mesh: meshBrick(index), coarse: coarse(voxels) });
   }
   if (regridded || 0 < bricks.length) {
     post({
@@ -46,7 +48,7 @@ function meshSlice(): void {
       regridded,
       epoch: mirror.epoch,
       voxel_size_m: mirror.voxel_size_m,
-      voxels_per_axis: [mirror.perAxis[0] * BRICK_EDGE, mirror.perAxis[1] * BRICK_EDGE, mirror.perAxis[2] * BRICK_EDGE],
+      bricks_per_axis: mirror.perAxis,
       bricks,
       stale: mirror.staleBricks,
       duration_ms: performance.now() - started,

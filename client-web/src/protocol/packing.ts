@@ -1,5 +1,6 @@
-// The packed form of a brick. A voxel is predicted by the one below it in y (16 earlier in memory), which is right almost
-// everywhere in clay; runs of right predictions are counted, the rest is sent as it is.
+// The packed form of a brick. A voxel is predicted by the one in the row before (16 earlier), which is right almost
+// everywhere in clay; runs of right predictions are counted, the rest is sent as it is. Which zeros make a run is fixed,
+// so that all writers give the same bytes: two or more.
 
 import { DecodeError } from "./header";
 
@@ -39,13 +40,13 @@ export function pack(voxels: Uint8Array): Uint8Array<ArrayBuffer> {
   let i = 0;
   while (i < BRICK_VOXELS) {
     const zeros = zerosFrom(voxels, i);
-    if (0 < zeros) {
+    if (1 < zeros) {
       packed.push(LONGEST + zeros - 1);
       i += zeros;
       continue;
     }
     const start = i;
-    while (i < BRICK_VOXELS && i - start < LONGEST && zerosFrom(voxels, i) === 0) i += 1;
+    while (i < BRICK_VOXELS && i - start < LONGEST && zerosFrom(voxels, i) < 2) i += 1;
     packed.push(i - start - 1);
     for (let k = start; k < i; k += 1) packed.push(residual(voxels, k));
   }

@@ -1,0 +1,59 @@
+// The text messages of the WebSocket, and JSON answers of HTTP: from text to a checked type, and back.
+
+import * as v from "valibot";
+import { DecodeError } from "./header";
+import { clayResetSchema, patchSchema, problemSchema, sessionSchema } from "./session";
+import type { Problem, Session } from "./session";
+
+/** What the server speaks; asked for when the socket is opened. */
+export const SUBPROTOCOL = "teleclay.v1";
+
+const serverText = v.variant("type", [
+  v.object({ type: v.literal("hello"), protocol: v.number(), session: v.string(), server_version: v.string() }),
+  v.object({ type: v.literal("state"), session: sessionSchema }),
+  v.object({ type: v.literal("event"), level: v.picklist(["info", "warning", "error"]), text: v.string(), time_s: v.number() }),
+  v.object({ type: v.literal("problem"), problem: problemSchema }),
+  v.object({ type: v.literal("pong"), nonce: v.number() }),
+]);
+
+const onOff = v.picklist(["on", "off"]);
+
+const clientText = v.variant("type", [
+  v.object({ type: v.literal("subscribe"), telemetry: onOff, bricks: onOff }),
+  v.object({ type: v.literal("patch"), session: patchSchema }),
+  v.object({ type: v.literal("reset"), clay: clayResetSchema }),
+  v.object({ type: v.literal("ping"), nonce: v.number() }),
+]);
+
+export type ServerText = v.InferOutput<typeof serverText>;
+export type ClientText = v.InferOutput<typeof clientText>;
+export type ServerEvent = Extract<ServerText, { type: "event" }>;
+
+export const decodeServerText = (text: string): ServerText => decode(serverText, text);
+export const decodeClientText = (text: string): ClientText => decode(clientText, text);
+export const encodeText = (message: ServerText | ClientText): string => JSON.stringify(message);
+
+export const decodeSession = (text: string): Session => decode(sessionSchema, text);
+export const decodeSessions = (text: string): Session[] => decode(v.array(sessionSchema), text);
+
+/** The problem in an answer's body; nothing when the body is something else, such as a proxy's page. */
+export function decodeProblem(text: string): Problem | undefined {
+  try {
+    return decode(problemSchema, text);
+  } catch {
+    return undefined;
+  }
+}
+
+function decode<S extends v.GenericSchema>(schema: S, text: string): v.InferOutput<S> {
+  let json: unknown;
+  try {
+    json = JSON.parse(text);
+  } catch {
+    throw new DecodeError(`not JSON: ${text.slice(0, 80)}`);
+  }
+  const result = v.safeParse(schema, json);
+  if (result.success) return result.output;
+  const issue = result.issues[0];
+  throw new DecodeError(`${v.getDotPath(issue) ?? "message"}: ${issue.message}`);
+}

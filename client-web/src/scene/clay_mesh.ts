@@ -1,0 +1,129 @@
+// The clay in the scene: one mesh, its buffers, and the coarse occupancy that its shading looks up.
+
+import * as THREE from "three";
+import { MeshArena, type Stretch } from "../clay/arena";
+import { COARSE_EDGE } from "../clay/coarse";
+import type { Meshes } from "../clay/port";
+import { type Block, clayMaterial } from "./clay_material";
+
+const MM_PER_M = 1000;
+
+export class ClayMesh {
+  readonly mesh: THREE.Mesh;
+  readonly #arena = new MeshArena();
+  readonly #look = clayMaterial();
+  #positions: THREE.BufferAttribute | undefined;
+  #facing: THREE.InterleavedBuffer | undefined;
+  #indices: THREE.BufferAttribute | undefined;
+  #occupancy = occupancyTexture([0, 0, 0]);
+  #bricksPerAxis: readonly [number, number, number] = [0, 0, 0];
+
+  constructor() {
+    this.mesh = new THREE.Mesh(new THREE.BufferGeometry(), this.#look.material);
+    this.mesh.castShadow = true;
+    this.mesh.receiveShadow = true;
+    // Always in view; and its bounds change with every cut.
+    this.mesh.frustumCulled = false;
+    this.mesh.visible = false;
+    this.#look.setOccupancy(this.#occupancy);
+  }
+
+  get triangles(): number {
+    return this.#arena.triangles;
+  }
+
+  apply(update: Meshes): void {
+    if (update.regridded) this.#regrid(update);
+    for (const { index, mesh, coarse } of update.bricks) {
+      this.#arena.replace(index, mesh);
+      this.#putCoarse(index, coarse);
+    }
+    this.#occupancy.needsUpdate = true;
+    this.#upload();
+  }
+
+  setBlock(block: Block): void {
+    this.#look.setBlock(block);
+  }
+
+  dispose(): void {
+    this.mesh.geometry.dispose();
+    this.#look.dispose();
+    this.#occupancy.dispose();
+  }
+
+  #regrid(update: Meshes): void {
+    this.#arena.clear();
+    this.#bricksPerAxis = update.bricks_per_axis;
+    this.#occupancy.dispose();
+    this.#occupancy = occupancyTexture(update.bricks_per_axis);
+    this.#look.setOccupancy(this.#occupancy);
+    this.mesh.scale.setScalar(update.voxel_size_m * MM_PER_M);
+    this.mesh.visible = true;
+  }
+
+  #putCoarse(index: number, coarse: Uint8Array): void {
+    const [nx, ny] = this.#bricksPerAxis;
+    const at = [index % nx, Math.floor(index / nx) % ny, Math.floor(index / (nx * ny))];
+    const [x, y, z] = at.map((n) => n * COARSE_EDGE + RIM);
+    const { data, width, height } = this.#occupancy.image;
+    if (data === null) return;
+    for (let k = 0; k < COARSE_EDGE; k += 1) {
+      for (let j = 0; j < COARSE_EDGE; j += 1) {
+        const row = COARSE_EDGE * (j + COARSE_EDGE * k);
+        data.set(coarse.subarray(row, row + COARSE_EDGE), x + width * (y + j + height * (z + k)));
+      }
+    }
+  }
+
+  #upload(): void {
+    const { grown, vertices, indices } = this.#arena.takeChanges();
+    if (grown) this.#rebuild();
+    else {
+      mark(this.#positions, vertices, 3);
+      mark(this.#facing, vertices, 4);
+      mark(this.#indices, indices, 1);
+    }
+    this.mesh.geometry.setDrawRange(0, this.#arena.drawCount);
+  }
+
+  /** The arena has other buffers now: so must the graphics card. */
+  #rebuild(): void {
+    this.mesh.geometry.dispose();
+    this.#positions = new THREE.BufferAttribute(this.#arena.positions, 3);
+    this.#facing = new THREE.InterleavedBuffer(this.#arena.facing, 4);
+    this.#indices = new THREE.BufferAttribute(this.#arena.indices, 1);
+    for (const buffer of [this.#positions, this.#facing, this.#indices]) buffer.setUsage(THREE.DynamicDrawUsage);
+    const geometry = new THREE.BufferGeometry();
+    geometry.setAttribute("position", this.#positions);
+    geometry.setAttribute("normal", new THREE.InterleavedBufferAttribute(this.#facing, 3, 0, true));
+    geometry.setIndex(this.#indices);
+    geometry.boundingSphere = new THREE.Sphere(new THREE.Vector3(), Number.POSITIVE_INFINITY);
+    this.mesh.geometry = geometry;
+  }
+}
+
+function mark(
+  buffer: THREE.BufferAttribute | THREE.InterleavedBuffer | undefined,
+  stretches: readonly Stretch[],
+  width: number,
+): void {
+  if (buffer === undefined || stretches.length === 0) return;
+  for (const { start, count } of stretches) buffer.addUpdateRange(start * width, count * width);
+  buffer.needsUpdate = true;
+}
+
+/** A rim of air about the grid, so that nothing beyond it looks like clay. */
+const RIM = 1;
+
+/** Mean occupancy of blocks of voxels. */
+function occupancyTexture(bricks: readonly [number, number, number]): THREE.Data3DTexture {
+  const [width, height, depth] = bricks.map((n) => n * COARSE_EDGE + 2 * RIM);
+  const texture = new THREE.Data3DTexture(new Uint8Array(width * height * depth), width, height, depth);
+  texture.format = THREE.RedFormat;
+  texture.minFilter = THREE.LinearFilter;
+  texture.magFilter = THREE.LinearFilter;
+  texture.unpackAlignment = 1;
+  texture.needsUpdate = true;
+  return texture;
+}

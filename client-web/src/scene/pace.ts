@@ -1,0 +1,50 @@
+// How finely to draw: as finely as the screen can show while frames keep up, coarser where the graphics card is slow.
+
+/** Frames that are averaged before anything is changed. */
+const FRAMES = 24;
+/** Above this a frame misses the display's next turn, ms; below that there is room for more pixels. */
+const TOO_SLOW_MS = 22;
+const PLENTY_MS = 17.5;
+/** A pause this long is a hidden page or another task, not a slow frame, ms. */
+const PAUSE_MS = 250;
+const COARSEST = 0.4;
+
+export class Pace {
+  /** Share of the screen's own resolution, COARSEST … 1. */
+  scale = 1;
+  #last_ms: number | undefined;
+  #sum_ms = 0;
+  #frames = 0;
+  /** Rises each time that finer drawing turned out too slow, so that it is tried less and less often. */
+  #patience = 1;
+  #calm = 0;
+
+  /** Takes the time of a drawn frame in; returns whether the scale changed. */
+  add(now_ms: number): boolean {
+    const last_ms = this.#last_ms;
+    this.#last_ms = now_ms;
+    if (last_ms === undefined || PAUSE_MS < now_ms - last_ms) return false;
+    this.#sum_ms += now_ms - last_ms;
+    this.#frames += 1;
+    if (this.#frames < FRAMES) return false;
+    const mean_ms = this.#sum_ms / this.#frames;
+    this.#sum_ms = 0;
+    this.#frames = 0;
+    return this.#adapt(mean_ms);
+  }
+
+  #adapt(mean_ms: number): boolean {
+    if (TOO_SLOW_MS < mean_ms && COARSEST < this.scale) {
+      this.scale = Math.max(this.scale * Math.max(Math.sqrt(TOO_SLOW_MS / mean_ms), 0.7), COARSEST);
+      this.#patience = Math.min(this.#patience * 2, 64);
+      this.#calm = 0;
+      return true;
+    }
+    if (PLENTY_MS < mean_ms || 1 <= this.scale) return false;
+    this.#calm += 1;
+    if (this.#calm < this.#patience) return false;
+    this.#calm = 0;
+    this.scale = Math.min(this.scale * 1.15, 1);
+    return true;
+  }
+}

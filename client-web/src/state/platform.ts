@@ -1,0 +1,33 @@
+// What state/ needs of the world, as arguments: clock, timers, chance, sockets, requests. The page gives the browser's,
+// tests give their own.
+
+export interface SocketEvents {
+  onOpen(): void;
+  onText(text: string): void;
+  onBinary(bytes: ArrayBuffer): void;
+  /** Once, whether the socket was ever open or not. */
+  onClose(): void;
+}
+
+export interface Socket {
+  send(text: string): void;
+  close(): void;
+}
+
+export interface Answer {
+  readonly status: number;
+  readonly body: string;
+}
+
+export interface Platform {
+  /** Monotonic. */
+  now_ms(): number;
+  /** Runs something later; returns what calls it off. */
+  after(delay_ms: number, run: () => void): () => void;
+  /** 0 ≤ x < 1. */
+  random(): number;
+  /** Opens a socket at a path of the server. */
+  connect(path: string, subprotocol: string, events: SocketEvents): Socket;
+  /** Rejects when nobody answers. */
+  request(method: "GET" | "POST" | "PATCH", path: string, body?: unknown): Promise<Answer>;
+}
