@@ -19,6 +19,15 @@ use crate::polynomial::{Polynomial, quotient_at};
 use nalgebra::Complex;
 use std::f64::consts::TAU;
 
+/// Which signals cross the network.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DelayedScheme {
+    /// Each side integrates its own force and the other's.
+    ForceExchange,
+    /// Position goes forward, force comes back.
+    PositionForce,
+}
+
 /// What a loop bears.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum DelayMargin {
@@ -95,6 +104,56 @@ pub fn delay_margin(a: &Polynomial, b: &Polynomial) -> Result<DelayMargin, LoopE
 }
 
 impl ClosedLoop {
+    /// Delay margin of either scheme.
+    ///
+    /// # Errors
+    /// Roots are not to be had.
+    pub fn delay_margin(&self, scheme: DelayedScheme) -> Result<DelayMargin, LoopError> {
+        match scheme {
+            DelayedScheme::ForceExchange => self.delay_margin_force_exchange(),
+            DelayedScheme::PositionForce => self.delay_margin_position_force(),
+        }
+    }
+
+    /// Least magnitude of the characteristic function on the axis over *every* round trip from 0 to the given one: (33)
+    /// with the network in it. Without delay both schemes give `inf |1 + H + E|`.
+    ///
+    /// Says how far a loop is from instability only if its delay margin is above the round trip.
+    ///
+    /// # Errors
+    /// Roots are not to be had.
+    pub fn least_distance_within(
+        &self,
+        scheme: DelayedScheme,
+        round_trip_s: f64,
+    ) -> Result<f64, LoopError> {
+        let with_arm = self.d.plus(&self.n_h)?;
+        let with_clay = self.d.plus(&self.n_e)?;
+        let mut features = Features::default();
+        for factor in [
+            &self.d, &self.n_e, &self.n_h, &with_clay, &with_arm, &self.c,
+        ] {
+            features.add_roots(factor)?;
+        }
+        features.add_outer_crossings(&self.n_l, &self.d);
+        if 0.0 < round_trip_s {
+            // The exponential bends the curve from about here on.
+            features.add_points(&[Complex::new(1.0 / round_trip_s, 0.0)]);
+        }
+        let over_d = |numerator: &Polynomial, omega: f64| {
+            quotient_at(numerator, &self.d, Complex::new(0.0, omega))
+        };
+        let (_, distance) = features.mesh().least(|omega| {
+            let (h, e) = (over_d(&self.n_h, omega), over_d(&self.n_e, omega));
+            let (prompt, delayed) = match scheme {
+                DelayedScheme::PositionForce => (1.0 + h, -e),
+                DelayedScheme::ForceExchange => ((1.0 + e) * (1.0 + h), h * e),
+            };
+            least_difference(prompt, delayed, omega * round_trip_s)
+        });
+        Ok(distance.min(limits(&self.c, &self.d)[1]))
+    }
+
     /// Delay margin when the tool follows the handle's position and the clay's force comes back.
     ///
     /// # Errors
@@ -178,6 +237,16 @@ impl ClosedLoop {
             _ => false,
         })
     }
+}
+
+/// Least of `|prompt - delayed exp(-j theta)|` for `theta` from 0 to `turn_rad`.
+fn least_difference(prompt: Complex<f64>, delayed: Complex<f64>, turn_rad: f64) -> f64 {
+    let aligned_at = (delayed / prompt).arg().rem_euclid(TAU);
+    if aligned_at <= turn_rad {
+        return (prompt.norm() - delayed.norm()).abs();
+    }
+    let at_end = (prompt - delayed * Complex::from_polar(1.0, -turn_rad)).norm();
+    at_end.min((prompt - delayed).norm())
 }
 
 /// When the delayed part does not fall off against the rest, roots far up the axis cross at the slightest delay.

@@ -9,6 +9,9 @@
 //! | describe a plant | [`Polynomial`], [`RationalFunction`], [`paper`] |
 //! | run it at 1 kHz | [`StateSpace`] → [`DiscreteStateSpace`] with a [`State`] per axis |
 //! | tie the tool to the handle | [`compensators`], [`Inverse`] and [`Follower`] |
+//! | know whether a loop is stable, and for how long a delay | [`analysis::analyse`], or [`ClosedLoop`] part by part |
+//! | choose `C_h1` | [`tuning::propose`] |
+//! | know what no wall can pass | [`wall`] |
 
 pub mod analysis;
 mod closed_loop;
@@ -24,11 +27,12 @@ mod polynomial;
 mod rational;
 mod roots;
 mod state_space;
+pub mod tuning;
 pub mod wall;
 
 pub use closed_loop::{ClosedLoop, LoopError};
 pub use curves::Curve;
-pub use delay::{DelayMargin, NoMargin, delay_margin};
+pub use delay::{DelayMargin, DelayedScheme, NoMargin, delay_margin};
 pub use discrete::{DiscreteStateSpace, DiscretiseError, State};
 pub use follower::{Follower, FollowerError, FollowerState, Inverse};
 pub use margins::{ClassicalMargins, GainMargin, Margins, NyquistDistance, PhaseMargin, SmallGain};

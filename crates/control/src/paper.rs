@@ -20,6 +20,14 @@ pub const POSITION_RATIO: f64 = 1.0;
 /// `A_h2`, clay force over net hand force; below zero, because the clay resists.
 pub const FORCE_RATIO: f64 = -1.0;
 
+/// Hand force of the cutting experiment of Fig. 7, N. Ours.
+pub const HAND_FORCE_N: f64 = 2.0;
+/// Handle positions at which the clay's depth changes, m: 3, 6, 9 and 12 cm, as in Fig. 7.
+pub const CUTTING_EDGES_M: [f64; 4] = [0.03, 0.06, 0.09, 0.12];
+/// Clay damping in the three ranges per tool velocity, N·s/m. Ours: 1, 2 and 3 cm of a blade 1 cm wide in clay of
+/// 2e5 N·s/m³.
+pub const CUTTING_DAMPING_N_S_PER_M: [f64; 3] = [20.0, 40.0, 60.0];
+
 /// Handle servo of the x axis (35): commanded to actual position, unit gain at rest.
 #[must_use]
 pub fn g_hx() -> RationalFunction {
@@ -80,6 +88,20 @@ pub fn t_t(
     stiffness_n_per_m: f64,
 ) -> Result<Polynomial, crate::PolynomialError> {
     Polynomial::new(&[damping_n_s_per_m, stiffness_n_per_m])
+}
+
+/// Constant handle velocity, m/s, at which a hand force balances handle and clay damping: `f_h / (B + rho B_i)`, the
+/// plateaus of Fig. 7. `force_per_position` is `rho = A_h1 / |A_h2|`.
+///
+/// Follows from [`c_h1`] at constant velocity: `B v = f_h - f_t / A_h2` with `f_t = -B_i A_h1 v`.
+#[must_use]
+pub fn plateau_velocity_m_s(
+    hand_force_n: f64,
+    handle_damping_n_s_per_m: f64,
+    force_per_position: f64,
+    clay_damping_n_s_per_m: f64,
+) -> f64 {
+    hand_force_n / (handle_damping_n_s_per_m + force_per_position * clay_damping_n_s_per_m)
 }
 
 fn printed(numerator: &[f64], denominator: &[f64]) -> RationalFunction {

@@ -2,6 +2,7 @@
 
 use crate::MAX_ORDER;
 use crate::polynomial::{Polynomial, PolynomialError, quotient_at};
+use crate::roots::RootsError;
 use nalgebra::Complex;
 
 /// `numerator(s) / denominator(s)`; either part may have the higher degree.
@@ -190,6 +191,59 @@ impl RationalFunction {
         Self::from_parts(self.denominator.clone(), self.numerator.clone())
     }
 
+    /// The same function with common factors taken out where that is safe: powers of `s`, exactly, and pairs of a zero
+    /// and a pole that agree to nine digits and lie clearly left of the axis, where what is hidden dies out.
+    ///
+    /// Everything else stays, and so does a function whose reduced form would not reproduce its values.
+    ///
+    /// # Errors
+    /// Roots are not to be had.
+    pub fn reduced(&self) -> Result<Self, RootsError> {
+        if self.is_zero() {
+            return Ok(Self::zero());
+        }
+        let at_origin = self
+            .numerator
+            .roots_at_origin()
+            .min(self.denominator.roots_at_origin());
+        let plain = Self {
+            numerator: self.numerator.without_origin_roots(at_origin),
+            denominator: self.denominator.without_origin_roots(at_origin),
+        };
+        let mut zeros = plain.numerator.roots()?;
+        let mut poles = plain.denominator.roots()?;
+        let before = poles.len();
+        poles.retain(
+            |&pole| match zeros.iter().position(|&zero| cancels(zero, pole)) {
+                Some(at) => {
+                    zeros.swap_remove(at);
+                    false
+                }
+                None => true,
+            },
+        );
+        if poles.len() == before {
+            return Ok(plain);
+        }
+        let numerator = from_roots(plain.numerator.leading(), &zeros);
+        let denominator = from_roots(plain.denominator.leading(), &poles);
+        match (numerator, denominator) {
+            (Ok(numerator), Ok(denominator)) => {
+                let reduced = Self {
+                    numerator,
+                    denominator,
+                };
+                Ok(if reduced.agrees_with(&plain) {
+                    reduced
+                } else {
+                    plain
+                })
+            }
+            // Multiplying out left the range of numbers.
+            _ => Ok(plain),
+        }
+    }
+
     /// The function times a constant.
     ///
     /// # Errors
@@ -201,4 +255,39 @@ impl RationalFunction {
             .map_err(RationalError::Numerator)?;
         Self::from_parts(numerator, self.denominator.clone())
     }
+}
+
+impl RationalFunction {
+    /// Whether two forms give the same values, off the axis and away from any root, over the range of the coefficients.
+    fn agrees_with(&self, other: &Self) -> bool {
+        const DECADES: std::ops::RangeInclusive<i32> = -6..=6;
+        const AGREEMENT: f64 = 1e-9;
+        DECADES
+            .map(|decade| Complex::from_polar(10.0_f64.powi(decade), 1.0))
+            .all(|s| match (self.at(s), other.at(s)) {
+                (Some(ours), Some(theirs)) => (ours - theirs).norm() <= AGREEMENT * theirs.norm(),
+                _ => false,
+            })
+    }
+}
+
+/// Whether a zero and a pole are one and the same, and harmless.
+fn cancels(zero: Complex<f64>, pole: Complex<f64>) -> bool {
+    const SAME: f64 = 1e-9;
+    const CLEARLY_LEFT: f64 = 1e-6;
+    (zero - pole).norm() <= SAME * pole.norm() && pole.re < -CLEARLY_LEFT * pole.norm()
+}
+
+/// `leading` times the product of `s - root`; roots come in conjugate pairs, so imaginary parts cancel.
+fn from_roots(leading: f64, roots: &[Complex<f64>]) -> Result<Polynomial, PolynomialError> {
+    let mut product = vec![Complex::new(leading, 0.0)];
+    for root in roots {
+        product.push(Complex::new(0.0, 0.0));
+        for i in (1..product.len()).rev() {
+            let carried = product[i - 1] * root;
+            product[i] -= carried;
+        }
+    }
+    let real: Vec<f64> = product.iter().map(|c| c.re).collect();
+    Polynomial::new(&real)
 }

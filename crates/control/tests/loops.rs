@@ -3,7 +3,7 @@
 use serde_json::Value;
 use teleclay_control::analysis::{DEFAULT_OMEGAS_RAD_S, LoopInput, analyse};
 use teleclay_control::compensators::Sides;
-use teleclay_control::{Complex, DelayMargin, NoMargin, Polynomial, RationalFunction, paper};
+use teleclay_control::{Complex, DelayMargin, Polynomial, RationalFunction};
 
 fn numbers(value: &Value) -> Vec<f64> {
     value

@@ -1,0 +1,253 @@
+//! The tuning helper: what it proposes holds, nothing lighter of its shape would, and a refusal names its reason.
+
+use std::f64::consts::TAU;
+use teleclay_control::tuning::{Obstacle, TuningError, Wish, propose};
+use teleclay_control::{ClosedLoop, DelayedScheme, RationalFunction, compensators::Sides, paper};
+
+fn wish() -> Wish {
+    Wish {
+        g_h: paper::g_hx(),
+        s_h: RationalFunction::zero(),
+        g_t: paper::default_g_t(),
+        s_t: RationalFunction::zero(),
+        position_ratio: 1.0,
+        force_ratio: -1.0,
+        t_h: paper::t_hx(),
+        clay_damping_n_s_per_m: [0.0, 60.0],
+        clay_stiffness_n_per_m: [0.0, 200.0],
+        scheme: DelayedScheme::PositionForce,
+        round_trip_s: 0.08,
+        distance: 0.5,
+        heaviest_n_s_per_m: 500.0,
+    }
+}
+
+fn closed_loop(wish: &Wish, c_h1: RationalFunction, damping: f64, stiffness: f64) -> ClosedLoop {
+    let sides = Sides {
+        g_h: wish.g_h.clone(),
+        s_h: wish.s_h.clone(),
+        g_t: wish.g_t.clone(),
+        s_t: wish.s_t.clone(),
+        c_h1,
+        position_ratio: wish.position_ratio,
+        force_ratio: wish.force_ratio,
+    };
+    ClosedLoop::new(&sides, &wish.t_h, &paper::t_t(damping, stiffness).unwrap()).unwrap()
+}
+
+/// Least distance over a clay grid finer than the search's own, and over delays sampled one by one: no closed form of
+/// the alignment, only the definition.
+fn sampled_distance(wish: &Wish, c_h1: &RationalFunction) -> f64 {
+    let mut least = f64::INFINITY;
+    for i in 0..=12 {
+        for k in 0..=4 {
+            let damping = wish.clay_damping_n_s_per_m[1] * f64::from(i) / 12.0;
+            let stiffness = wish.clay_stiffness_n_per_m[1] * f64::from(k) / 4.0;
+            let closed_loop = closed_loop(wish, c_h1.clone(), damping, stiffness);
+            assert!(closed_loop.is_stable_without_delay().unwrap());
+            assert!(
+                closed_loop
+                    .delay_margin(wish.scheme)
+                    .unwrap()
+                    .bears(wish.round_trip_s)
+            );
+            let p = wish.g_h.times(c_h1).unwrap();
+            for step in 0..400 {
+                let omega = 1e-3 * 10.0_f64.powf(f64::from(step) / 400.0 * 6.0);
+                let s = teleclay_control::Complex::new(0.0, omega);
+                let p = p.at(s).unwrap();
+                let (h, e) = (p * wish.t_h.at(s), p * (s * damping + stiffness));
+                for part in 0..=20 {
+                    let late = (-s * wish.round_trip_s * f64::from(part) / 20.0).exp();
+                    let value = match wish.scheme {
+                        DelayedScheme::PositionForce => 1.0 + h + e * late,
+                        DelayedScheme::ForceExchange => (1.0 + e) * (1.0 + h) - h * e * late,
+                    };
+                    least = least.min(value.norm());
+                }
+            }
+        }
+    }
+    least
+}
+
+#[test]
+fn proposals_keep_the_wish() {
+    for (scheme, round_trip_s, distance) in [
+        (DelayedScheme::PositionForce, 0.0, 0.7),
+        (DelayedScheme::PositionForce, 0.08, 0.5),
+        (DelayedScheme::ForceExchange, 0.4, 0.4),
+    ] {
+        let wish = Wish {
+            scheme,
+            round_trip_s,
+            distance,
+            ..wish()
+        };
+        let proposal = propose(&wish).unwrap();
+        let sampled = sampled_distance(&wish, &proposal.c_h1);
+        assert!(
+            distance <= sampled && proposal.distance <= sampled + 1e-6,
+            "{scheme:?}: {sampled} {proposal:?}"
+        );
+        assert!(proposal.delay_margin.bears(round_trip_s));
+        let impedance = (TAU * proposal.mass_kg).hypot(proposal.damping_n_s_per_m);
+        assert!(
+            (impedance - proposal.impedance_n_s_per_m).abs() < 1e-9
+                && impedance <= wish.heaviest_n_s_per_m
+        );
+        // A handle 5 % lighter of the same shape breaks the wish somewhere: the proposal does not hide reserves.
+        let lighter =
+            paper::c_h1(0.95 * proposal.mass_kg, 0.95 * proposal.damping_n_s_per_m).unwrap();
+        let broken = (0..=6).any(|i| {
+            (0..=6).any(|k| {
+                let closed_loop = closed_loop(
+                    &wish,
+                    lighter.clone(),
+                    10.0 * f64::from(i),
+                    200.0 / 6.0 * f64::from(k),
+                );
+                !closed_loop
+                    .delay_margin(scheme)
+                    .unwrap()
+                    .bears(round_trip_s)
+                    || closed_loop
+                        .least_distance_within(scheme, round_trip_s)
+                        .unwrap()
+                        < distance
+            })
+        });
+        assert!(broken, "{scheme:?}: 5 % lighter would do as well");
+    }
+}
+
+#[test]
+fn a_wish_that_cannot_be_met_says_why() {
+    // 80 ms with a handle of at most 5 N s/m: position-force loses stability long before.
+    let light = Wish {
+        heaviest_n_s_per_m: 5.0,
+        ..wish()
+    };
+    let refused = propose(&light).unwrap_err();
+    let TuningError::NotWithin {
+        obstacle,
+        heaviest_n_s_per_m,
+        ..
+    } = refused
+    else {
+        panic!("{refused}")
+    };
+    assert!((heaviest_n_s_per_m - 5.0).abs() < 1e-12);
+    assert!(
+        matches!(obstacle, Obstacle::Delay { .. } | Obstacle::Unstable { .. }),
+        "{obstacle}"
+    );
+
+    // The obstacle's figures are the loop's own: the mass and damping it names bear the margin it names, no more.
+    let slightly_light = Wish {
+        heaviest_n_s_per_m: 30.0,
+        clay_stiffness_n_per_m: [0.0, 0.0],
+        round_trip_s: 1.0,
+        ..wish()
+    };
+    let refused = propose(&slightly_light).unwrap_err();
+    let TuningError::NotWithin {
+        mass_kg,
+        damping_n_s_per_m,
+        obstacle:
+            Obstacle::Delay {
+                margin_s,
+                wanted_s,
+                clay,
+            },
+        ..
+    } = refused
+    else {
+        panic!("{refused}")
+    };
+    let c_h1 = paper::c_h1(mass_kg, damping_n_s_per_m).unwrap();
+    let margin = closed_loop(
+        &slightly_light,
+        c_h1,
+        clay.damping_n_s_per_m,
+        clay.stiffness_n_per_m,
+    )
+    .delay_margin_position_force()
+    .unwrap();
+    assert!((margin.seconds().unwrap() - margin_s).abs() < 1e-12 && margin_s < wanted_s);
+    assert!(
+        refused.to_string().contains("stable up to a round trip of"),
+        "{refused}"
+    );
+
+    let greedy = Wish {
+        distance: 0.99,
+        heaviest_n_s_per_m: 30.0,
+        round_trip_s: 0.0,
+        ..wish()
+    };
+    let refused = propose(&greedy).unwrap_err();
+    assert!(
+        matches!(
+            refused,
+            TuningError::NotWithin {
+                obstacle: Obstacle::Distance { .. },
+                ..
+            }
+        ),
+        "{refused}"
+    );
+    let beyond = Wish {
+        distance: 1.0,
+        ..wish()
+    };
+    assert!(matches!(
+        propose(&beyond),
+        Err(TuningError::DistanceBeyondReach { .. })
+    ));
+}
+
+#[test]
+fn wishes_out_of_range_are_refused_by_name() {
+    let refused = |wish: Wish| match propose(&wish) {
+        Err(TuningError::OutOfRange { quantity, .. }) => quantity,
+        other => panic!("{other:?}"),
+    };
+    assert_eq!(
+        refused(Wish {
+            round_trip_s: f64::NAN,
+            ..wish()
+        }),
+        "round_trip_s"
+    );
+    assert_eq!(
+        refused(Wish {
+            clay_damping_n_s_per_m: [5.0, 1.0],
+            ..wish()
+        }),
+        "clay_damping_n_s_per_m"
+    );
+    assert_eq!(
+        refused(Wish {
+            distance: 0.0,
+            ..wish()
+        }),
+        "distance"
+    );
+    assert!(matches!(
+        propose(&Wish {
+            force_ratio: 1.0,
+            ..wish()
+        }),
+        Err(TuningError::Compensator(_))
+    ));
+    // A tool of fifth order: no C_h1 of this form makes C_h2 proper.
+    let stiff = RationalFunction::new(&[1.0], &[1e-6, 1e-4, 1e-2, 0.5, 20.0, 0.0]).unwrap();
+    assert!(matches!(
+        propose(&Wish {
+            g_t: stiff,
+            ..wish()
+        }),
+        Err(TuningError::Compensator(_))
+    ));
+}
