@@ -1,0 +1,299 @@
+//! The steps of `cargo verify`.
+
+use std::path::Path;
+use std::process::Command;
+
+use anyhow::{Context, Result, bail, ensure};
+
+use super::{compose, image, links};
+use crate::process::{Interrupt, command, run};
+use crate::tools::{answer, require_node};
+use crate::workspace::{Workspace, cargo, root};
+use crate::{dashboard, demo, release};
+
+/// One check that passes or fails as a whole.
+pub(super) struct Step {
+    /// What `--only` calls it.
+    pub(super) name: &'static str,
+    /// What it does, for a person.
+    pub(super) what: &'static str,
+    pub(super) run: fn(&Workspace, &Interrupt) -> Result<()>,
+}
+
+/// In this order: what is quick and often wrong comes first; what needs the release programs comes after they are built,
+/// and the dashboard before them, because the server carries it inside.
+pub(super) const STEPS: [Step; 14] = [
+    Step {
+        name: "tools",
+        what: "what the tests need is there, or is installed",
+        run: tools,
+    },
+    Step {
+        name: "format",
+        what: "Rust is formatted",
+        run: format,
+    },
+    Step {
+        name: "links",
+        what: "links in the documentation lead somewhere",
+        run: links_step,
+    },
+    Step {
+        name: "docker",
+        what: "image and compose file are sound",
+        run: docker,
+    },
+    Step {
+        name: "dashboard",
+        what: "the dashboard's types, lints, unit tests and build",
+        run: dashboard_step,
+    },
+    Step {
+        name: "clippy",
+        what: "lints of all Rust code, tests too",
+        run: clippy,
+    },
+    Step {
+        name: "rustdoc",
+        what: "the documentation of the code builds, its links hold",
+        run: rustdoc,
+    },
+    Step {
+        name: "wasm",
+        what: "each pure crate builds for a browser",
+        run: wasm,
+    },
+    Step {
+        name: "build",
+        what: "the release programs",
+        run: build,
+    },
+    Step {
+        name: "test",
+        what: "every Rust test, unit and integration",
+        run: test,
+    },
+    Step {
+        name: "doctest",
+        what: "examples in the documentation of the code",
+        run: doctest,
+    },
+    Step {
+        name: "browser",
+        what: "the dashboard in Chromium against real processes",
+        run: browser,
+    },
+    Step {
+        name: "demo",
+        what: "20 seconds of cargo demo",
+        run: demo_step,
+    },
+    Step {
+        name: "tidy",
+        what: "the checks left the checkout as it was",
+        run: tidy,
+    },
+];
+
+const WASM: &str = "wasm32-unknown-unknown";
+
+/// Where the browser test looks for Debian's package.
+const CHROMIUM: &str = "/usr/bin/chromium";
+
+fn tools(workspace: &Workspace, interrupt: &Interrupt) -> Result<()> {
+    require_node()?;
+    install_wasm_target(interrupt)?;
+    install_chromium(interrupt)?;
+    dashboard::install(workspace, interrupt)
+}
+
+fn format(_: &Workspace, interrupt: &Interrupt) -> Result<()> {
+    run(
+        command(cargo()).args(["fmt", "--all", "--check"]),
+        interrupt,
+    )
+}
+
+fn links_step(_: &Workspace, _: &Interrupt) -> Result<()> {
+    report("broken links", links::check(root())?)
+}
+
+fn docker(workspace: &Workspace, _: &Interrupt) -> Result<()> {
+    let mut wrong = image::check(workspace)?;
+    wrong.extend(compose::check(&root().join("docker/compose.yaml"))?);
+    report("mistakes in docker/", wrong)
+}
+
+fn dashboard_step(workspace: &Workspace, interrupt: &Interrupt) -> Result<()> {
+    dashboard::install(workspace, interrupt)?;
+    for script in ["typecheck", "lint", "test"] {
+        run(&mut npm_run(script), interrupt)?;
+    }
+    dashboard::build(workspace, interrupt)
+}
+
+/// In the release profile, so that build scripts and macros are compiled once for this and for the programs.
+fn clippy(_: &Workspace, interrupt: &Interrupt) -> Result<()> {
+    let arguments = [
+        "clippy",
+        "--release",
+        "--workspace",
+        "--all-targets",
+        "--locked",
+        "--",
+        "-D",
+        "warnings",
+    ];
+    run(command(cargo()).args(arguments), interrupt)
+}
+
+fn rustdoc(_: &Workspace, interrupt: &Interrupt) -> Result<()> {
+    let arguments = ["doc", "--release", "--workspace", "--no-deps", "--locked"];
+    run(
+        command(cargo())
+            .args(arguments)
+            .env("RUSTDOCFLAGS", "-D warnings"),
+        interrupt,
+    )
+}
+
+/// One by one: together they would lend each other features that one of them forgot to ask for.
+fn wasm(workspace: &Workspace, interrupt: &Interrupt) -> Result<()> {
+    let mut checked = 0;
+    for member in workspace.pure_members() {
+        println!("{}", member.name);
+        let arguments = [
+            "check",
+            "--quiet",
+            "--release",
+            "--locked",
+            "--target",
+            WASM,
+            "--package",
+            &member.name,
+        ];
+        run(command(cargo()).args(arguments), interrupt)?;
+        checked += 1;
+    }
+    ensure!(0 < checked, "there is no pure crate to check");
+    Ok(())
+}
+
+fn build(_: &Workspace, interrupt: &Interrupt) -> Result<()> {
+    release::build(interrupt)
+}
+
+fn test(_: &Workspace, interrupt: &Interrupt) -> Result<()> {
+    let has_nextest = answer(command(cargo()).args(["nextest", "--version"])).is_some();
+    let arguments: &[&str] = if has_nextest {
+        &[
+            "nextest",
+            "run",
+            "--release",
+            "--workspace",
+            "--locked",
+            "--no-fail-fast",
+        ]
+    } else {
+        &[
+            "test",
+            "--release",
+            "--workspace",
+            "--locked",
+            "--no-fail-fast",
+            "--lib",
+            "--bins",
+            "--tests",
+        ]
+    };
+    run(command(cargo()).args(arguments), interrupt)
+}
+
+/// Apart from the tests, as nextest does not run them.
+fn doctest(_: &Workspace, interrupt: &Interrupt) -> Result<()> {
+    run(
+        command(cargo()).args(["test", "--release", "--workspace", "--locked", "--doc"]),
+        interrupt,
+    )
+}
+
+fn browser(workspace: &Workspace, interrupt: &Interrupt) -> Result<()> {
+    let programs = workspace.target.join("release");
+    run(
+        npm_run("browser").env("TELECLAY_BIN_DIR", programs),
+        interrupt,
+    )
+}
+
+fn demo_step(_: &Workspace, interrupt: &Interrupt) -> Result<()> {
+    demo::run(&demo::Options::on_free_ports(20)?, interrupt)
+}
+
+/// A test that writes into the checkout, or a lock file that no longer fits, shows here.
+fn tidy(_: &Workspace, _: &Interrupt) -> Result<()> {
+    let Some(changed) =
+        answer(command("git").args(["status", "--porcelain", "--untracked-files=normal"]))
+    else {
+        println!("this is no git checkout, so nothing can be compared");
+        return Ok(());
+    };
+    // Someone at work has changes of their own; only an automatic run starts from a clean checkout.
+    if std::env::var_os("CI").is_none() {
+        println!("not an automatic run: changes in the checkout are yours");
+        return Ok(());
+    }
+    ensure!(
+        changed.is_empty(),
+        "the checks changed the checkout:\n{changed}"
+    );
+    Ok(())
+}
+
+fn npm_run(script: &str) -> Command {
+    let mut npm = command("npm");
+    npm.current_dir(root().join("client-web"))
+        .args(["run", script]);
+    npm
+}
+
+fn report(what: &str, wrong: Vec<String>) -> Result<()> {
+    for line in &wrong {
+        println!("  {line}");
+    }
+    ensure!(wrong.is_empty(), "{} {what}", wrong.len());
+    Ok(())
+}
+
+fn install_wasm_target(interrupt: &Interrupt) -> Result<()> {
+    let libraries = answer(command("rustc").args(["--print", "target-libdir", "--target", WASM]))
+        .with_context(|| format!("this rustc does not know {WASM}"))?;
+    if Path::new(&libraries).exists() {
+        return Ok(());
+    }
+    run(command("rustup").args(["target", "add", WASM]), interrupt)
+        .with_context(|| format!("the Rust target {WASM} is missing and rustup could not add it"))
+}
+
+fn install_chromium(interrupt: &Interrupt) -> Result<()> {
+    if Path::new(CHROMIUM).exists() {
+        return Ok(());
+    }
+    let is_root = answer(command("id").arg("-u")).as_deref() == Some("0");
+    if !is_root || answer(command("apt-get").arg("--version")).is_none() {
+        bail!("{CHROMIUM} is missing: on Debian or Ubuntu, apt-get install chromium as root");
+    }
+    run(command("apt-get").args(["update", "--quiet"]), interrupt)?;
+    let arguments = [
+        "install",
+        "--yes",
+        "--quiet",
+        "--no-install-recommends",
+        "chromium",
+    ];
+    run(
+        command("apt-get")
+            .args(arguments)
+            .env("DEBIAN_FRONTEND", "noninteractive"),
+        interrupt,
+    )
+}
