@@ -1,1 +1,23 @@
-//! Placeholder while the rooms are laid.
+//! The two sides of the bilateral loop as pure steps, the session that holds the clay, and the virtual-time rig that runs it all.
+//!
+//! | item | is |
+//! |---|---|
+//! | [`HandleSide`] | where the person is: reaction, limits, `C_h1`, device command |
+//! | [`ToolSide`] | where the clay is: reference, gate, `G_t^-1`, `G_t`, contact and cut |
+//! | [`SessionLoop`] | one block of clay, its tools, and the line to each of them |
+//! | [`rig`] | operator, handle side and session on virtual time |
+//! | [`wall`] | the naive delayed wall, whose limit is known in closed form |
+//!
+//! Every step is a function of (state, inputs, now): the same code runs on a thread at 1 kHz and in the rig.
+
+mod handle_side;
+mod parameters;
+pub mod rig;
+mod session;
+mod tool_side;
+pub mod wall;
+
+pub use handle_side::{Contact, HandleSide, HandleStep};
+pub use parameters::{LoopModel, ParameterError};
+pub use session::{Lines, SessionLoop};
+pub use tool_side::{Permission, RECOVERY_SPEED_M_S, ToolSide, ToolStep, ToolView};

@@ -82,7 +82,10 @@ mod tests {
     fn a_gap_is_missing_until_the_straggler_comes() {
         assert_eq!(counts_of(&[5, 6, 9]).missing, 2);
         let healed = counts_of(&[5, 6, 9, 7]);
-        assert_eq!((healed.missing, healed.reordered, healed.received), (1, 1, 4));
+        assert_eq!(
+            (healed.missing, healed.reordered, healed.received),
+            (1, 1, 4)
+        );
     }
 
     #[test]

@@ -179,7 +179,11 @@ impl<T: Clone> Conditioner<T> {
             self.fates.duplicated += 1;
             self.launch(now.after(second_delay), message.clone());
         }
-        let delay = if overtakes { Duration::ZERO } else { first_delay };
+        let delay = if overtakes {
+            Duration::ZERO
+        } else {
+            first_delay
+        };
         self.launch(now.after(delay), message);
     }
 
@@ -203,11 +207,17 @@ impl<T: Clone> Conditioner<T> {
             return;
         }
         self.launched += 1;
-        self.in_flight.push(InFlight { release, order: self.launched, message });
+        self.in_flight.push(InFlight {
+            release,
+            order: self.launched,
+            message,
+        });
     }
 
     fn is_cut(&self, now: Timestamp) -> bool {
-        let Some(outages) = self.impairment.outages else { return false };
+        let Some(outages) = self.impairment.outages else {
+            return false;
+        };
         let every = outages.every.as_nanos() as u64;
         let length = outages.length.as_nanos() as u64;
         0 < every && every.saturating_sub(length) <= now.as_nanos() % every
@@ -219,7 +229,11 @@ impl<T: Clone> Conditioner<T> {
             self.in_burst = false;
             return false;
         };
-        self.in_burst = if self.in_burst { bursts.leave <= change } else { change < bursts.enter };
+        self.in_burst = if self.in_burst {
+            bursts.leave <= change
+        } else {
+            change < bursts.enter
+        };
         self.in_burst && fate < bursts.loss
     }
 
@@ -303,59 +317,120 @@ mod tests {
             let (arrived, _) = run(line, 3, 60_000);
             let delays: Vec<f64> = arrived.iter().map(|&(n, tick)| (tick - n) as f64).collect();
             let mean = delays.iter().sum::<f64>() / delays.len() as f64;
-            let sigma = (delays.iter().map(|d| (d - mean).powi(2)).sum::<f64>() / delays.len() as f64).sqrt();
+            let sigma = (delays.iter().map(|d| (d - mean).powi(2)).sum::<f64>()
+                / delays.len() as f64)
+                .sqrt();
             // Arrival is seen at the next whole tick: half a tick late on average.
-            assert!((mean - 500.5).abs() < 1.0, "{distribution:?}: mean {mean} ms");
-            assert!((sigma - 50.0).abs() < 2.5, "{distribution:?}: sigma {sigma} ms");
+            assert!(
+                (mean - 500.5).abs() < 1.0,
+                "{distribution:?}: mean {mean} ms"
+            );
+            assert!(
+                (sigma - 50.0).abs() < 2.5,
+                "{distribution:?}: sigma {sigma} ms"
+            );
         }
     }
 
     #[test]
     fn losses_and_copies_come_at_the_rate_asked_for() {
-        let line = Impairment { loss: 0.3, duplicate: 0.2, ..Default::default() };
+        let line = Impairment {
+            loss: 0.3,
+            duplicate: 0.2,
+            ..Default::default()
+        };
         let (_, fates) = run(line, 5, 50_000);
-        assert!((fates.lost as f64 / 50_000.0 - 0.3).abs() < 0.01, "{fates:?}");
-        assert!((fates.duplicated as f64 / 35_000.0 - 0.2).abs() < 0.01, "{fates:?}");
+        assert!(
+            (fates.lost as f64 / 50_000.0 - 0.3).abs() < 0.01,
+            "{fates:?}"
+        );
+        assert!(
+            (fates.duplicated as f64 / 35_000.0 - 0.2).abs() < 0.01,
+            "{fates:?}"
+        );
         assert_eq!(fates.delivered, 50_000 - fates.lost + fates.duplicated);
     }
 
     #[test]
     fn bursts_lose_in_runs_of_the_length_the_chain_says() {
-        let bursts = Bursts { enter: 0.01, leave: 0.1, loss: 1.0 };
-        let line = Impairment { bursts: Some(bursts), ..Default::default() };
+        let bursts = Bursts {
+            enter: 0.01,
+            leave: 0.1,
+            loss: 1.0,
+        };
+        let line = Impairment {
+            bursts: Some(bursts),
+            ..Default::default()
+        };
         let (arrived, fates) = run(line, 11, 200_000);
-        let runs = arrived.windows(2).filter(|pair| pair[0].0 + 1 < pair[1].0).count();
+        let runs = arrived
+            .windows(2)
+            .filter(|pair| pair[0].0 + 1 < pair[1].0)
+            .count();
         let mean_run = fates.lost as f64 / runs as f64;
         // Geometric: a run lasts 1/leave on average; share lost is enter / (enter + leave).
         assert!((mean_run - 10.0).abs() < 1.0, "mean run {mean_run}");
-        assert!((fates.lost as f64 / 200_000.0 - 1.0 / 11.0).abs() < 0.01, "{fates:?}");
+        assert!(
+            (fates.lost as f64 / 200_000.0 - 1.0 / 11.0).abs() < 0.01,
+            "{fates:?}"
+        );
     }
 
     #[test]
     fn an_outage_loses_exactly_what_was_sent_into_it() {
-        let outages = Outages { every: TICK * 1000, length: TICK * 200 };
-        let line = Impairment { outages: Some(outages), ..Default::default() };
+        let outages = Outages {
+            every: TICK * 1000,
+            length: TICK * 200,
+        };
+        let line = Impairment {
+            outages: Some(outages),
+            ..Default::default()
+        };
         let (arrived, _) = run(line, 1, 2000);
         let expected: Vec<u64> = (0..2000).filter(|n| n % 1000 < 800).collect();
-        assert_eq!(arrived.iter().map(|&(n, _)| n).collect::<Vec<_>>(), expected);
+        assert_eq!(
+            arrived.iter().map(|&(n, _)| n).collect::<Vec<_>>(),
+            expected
+        );
     }
 
     #[test]
     fn changing_the_loss_does_not_reshuffle_the_delays() {
-        let jittery = Impairment { delay: TICK * 50, jitter: TICK * 10, ..Default::default() };
+        let jittery = Impairment {
+            delay: TICK * 50,
+            jitter: TICK * 10,
+            ..Default::default()
+        };
         let (whole, _) = run(jittery, 9, 2000);
-        let (thinned, _) = run(Impairment { loss: 0.5, ..jittery }, 9, 2000);
+        let (thinned, _) = run(
+            Impairment {
+                loss: 0.5,
+                ..jittery
+            },
+            9,
+            2000,
+        );
         assert!(thinned.len() < 1200);
         assert!(thinned.iter().all(|survivor| whole.contains(survivor)));
     }
 
     #[test]
     fn a_full_line_loses_the_newest_and_counts_it() {
-        let mut line = Conditioner::new(Impairment { delay: TICK * 10, ..Default::default() }, 1, 4);
+        let mut line = Conditioner::new(
+            Impairment {
+                delay: TICK * 10,
+                ..Default::default()
+            },
+            1,
+            4,
+        );
         for n in 0..6 {
             line.push(at(0), n);
         }
         assert_eq!(line.fates().overflowed, 2);
-        assert_eq!(std::iter::from_fn(|| line.poll(at(10))).collect::<Vec<_>>(), [0, 1, 2, 3]);
+        assert_eq!(
+            std::iter::from_fn(|| line.poll(at(10))).collect::<Vec<_>>(),
+            [0, 1, 2, 3]
+        );
     }
 }

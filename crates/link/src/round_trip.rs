@@ -36,7 +36,13 @@ impl RoundTrip {
     /// A frame came at `now`. `sent_ns` is the peer's stamp; `echo_ns` our own stamp it got last (0 for none) and
     /// `echo_hold_ns` how long it had held it. Call for frames that are newer than all before. Returns the round trip if the
     /// frame completes one.
-    pub fn on_frame(&mut self, now: Timestamp, sent_ns: u64, echo_ns: u64, echo_hold_ns: u32) -> Option<Duration> {
+    pub fn on_frame(
+        &mut self,
+        now: Timestamp,
+        sent_ns: u64,
+        echo_ns: u64,
+        echo_hold_ns: u32,
+    ) -> Option<Duration> {
         self.peer = Some((sent_ns, now));
         if echo_ns == 0 {
             return None;
@@ -48,8 +54,12 @@ impl RoundTrip {
         self.last = Some(round_trip);
 
         let peer_received = sent_ns as f64 - f64::from(echo_hold_ns);
-        let offset_ns = ((peer_received - echo_ns as f64) + (sent_ns as f64 - now.as_nanos() as f64)) / 2.0;
-        self.remember(Exchange { round_trip_ns, offset_ns });
+        let offset_ns =
+            ((peer_received - echo_ns as f64) + (sent_ns as f64 - now.as_nanos() as f64)) / 2.0;
+        self.remember(Exchange {
+            round_trip_ns,
+            offset_ns,
+        });
         self.slew(now);
         Some(round_trip)
     }
@@ -70,7 +80,8 @@ impl RoundTrip {
 
     /// The least round trip of the window.
     pub fn least(&self) -> Option<Duration> {
-        self.best().map(|best| Duration::from_nanos(best.round_trip_ns))
+        self.best()
+            .map(|best| Duration::from_nanos(best.round_trip_ns))
     }
 
     /// Peer's clock minus ours, seconds; half the asymmetry of the least exchange is in it.
@@ -91,14 +102,19 @@ impl RoundTrip {
             self.slots[slot] = None;
         }
         self.exchanges = self.exchanges.wrapping_add(1);
-        let is_better = self.slots[slot].is_none_or(|held| exchange.round_trip_ns < held.round_trip_ns);
+        let is_better =
+            self.slots[slot].is_none_or(|held| exchange.round_trip_ns < held.round_trip_ns);
         if is_better {
             self.slots[slot] = Some(exchange);
         }
     }
 
     fn best(&self) -> Option<Exchange> {
-        self.slots.iter().flatten().min_by_key(|exchange| exchange.round_trip_ns).copied()
+        self.slots
+            .iter()
+            .flatten()
+            .min_by_key(|exchange| exchange.round_trip_ns)
+            .copied()
     }
 
     fn slew(&mut self, now: Timestamp) {
@@ -107,7 +123,9 @@ impl RoundTrip {
         self.slewed_at = now;
         self.offset_ns = Some(match self.offset_ns {
             // The first second settles freely: nothing hangs on the estimate yet.
-            Some(held) if WINDOW <= self.exchanges => held + (best.offset_ns - held).clamp(-step_limit, step_limit),
+            Some(held) if WINDOW <= self.exchanges => {
+                held + (best.offset_ns - held).clamp(-step_limit, step_limit)
+            }
             _ => best.offset_ns,
         });
     }
@@ -138,12 +156,22 @@ mod tests {
             self.there.on_frame(self.peer_clock(t + up), t, echo, held);
             let back = t + up + hold;
             let (echo, held) = self.there.echo(self.peer_clock(back));
-            self.here.on_frame(Timestamp::from_nanos(back + down), self.peer_clock(back).as_nanos(), echo, held)
+            self.here.on_frame(
+                Timestamp::from_nanos(back + down),
+                self.peer_clock(back).as_nanos(),
+                echo,
+                held,
+            )
         }
     }
 
     fn pair(offset: u64, ppm: f64) -> Pair {
-        Pair { here: RoundTrip::default(), there: RoundTrip::default(), offset, ppm }
+        Pair {
+            here: RoundTrip::default(),
+            there: RoundTrip::default(),
+            offset,
+            ppm,
+        }
     }
 
     #[test]
@@ -174,12 +202,19 @@ mod tests {
             pair.exchange(k * MS, 10 * MS, 0, 10 * MS);
             let offset = pair.here.offset_s().unwrap();
             if let Some(before) = before.filter(|_| 1100 < k) {
-                assert!((offset - before).abs() < 0.6e-6, "step of {} s at {k}", offset - before);
+                assert!(
+                    (offset - before).abs() < 0.6e-6,
+                    "step of {} s at {k}",
+                    offset - before
+                );
             }
             before = Some(offset);
         }
         let truth = 5e-3 + 60.0 * 100e-6;
-        assert!((before.unwrap() - truth).abs() < 150e-6, "{before:?}, truth {truth}");
+        assert!(
+            (before.unwrap() - truth).abs() < 150e-6,
+            "{before:?}, truth {truth}"
+        );
     }
 
     #[test]
@@ -187,6 +222,9 @@ mod tests {
         let mut here = RoundTrip::default();
         assert_eq!(here.on_frame(Timestamp::from_nanos(10), 1, 11, 0), None);
         assert_eq!(here.on_frame(Timestamp::from_nanos(10), 1, 5, 6), None);
-        assert_eq!(here.on_frame(Timestamp::from_nanos(10), 1, 5, 5), Some(Duration::ZERO));
+        assert_eq!(
+            here.on_frame(Timestamp::from_nanos(10), 1, 5, 5),
+            Some(Duration::ZERO)
+        );
     }
 }

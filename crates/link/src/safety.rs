@@ -23,7 +23,9 @@ pub struct NotFinite {
 /// # Errors
 /// The first field that holds a NaN or an infinity.
 pub fn check(fields: &[(&'static str, &[f64])]) -> Result<(), NotFinite> {
-    let spoilt = fields.iter().find(|(_, values)| !values.iter().all(|value| value.is_finite()));
+    let spoilt = fields
+        .iter()
+        .find(|(_, values)| !values.iter().all(|value| value.is_finite()));
     spoilt.map_or(Ok(()), |&(field, _)| Err(NotFinite { field }))
 }
 
@@ -47,7 +49,17 @@ pub struct Watchdog {
 impl Watchdog {
     /// Starts at gain 0: the first frames ramp up.
     pub fn new(times: WatchdogTimes) -> Self {
-        Self { times, last_frame: None, gain: 0.0 }
+        Self {
+            times,
+            last_frame: None,
+            gain: 0.0,
+        }
+    }
+
+    /// The first frame came, and what is remote starts from zero by itself: no ramp is needed.
+    pub fn start_awake(&mut self, now: Timestamp) {
+        self.last_frame = Some(now);
+        self.gain = 1.0;
     }
 
     /// A valid frame came.
@@ -58,7 +70,12 @@ impl Watchdog {
     /// Advances by one tick of `tick_s` seconds and returns the gain, 0 to 1.
     pub fn step(&mut self, now: Timestamp, tick_s: f64) -> f64 {
         let change = tick_s / self.times.ramp.as_secs_f64();
-        self.gain = if self.is_silent(now) { self.gain - change } else { self.gain + change }.clamp(0.0, 1.0);
+        self.gain = if self.is_silent(now) {
+            self.gain - change
+        } else {
+            self.gain + change
+        }
+        .clamp(0.0, 1.0);
         self.gain
     }
 
@@ -69,7 +86,8 @@ impl Watchdog {
 
     /// Whether no frame came for longer than the allowed silence.
     pub fn is_silent(&self, now: Timestamp) -> bool {
-        self.last_frame.is_none_or(|last| self.times.silence < now.since(last))
+        self.last_frame
+            .is_none_or(|last| self.times.silence < now.since(last))
     }
 
     /// Time since the last frame.
@@ -97,13 +115,20 @@ pub struct ForceLimiter {
 impl ForceLimiter {
     /// Starts at zero force.
     pub fn new(limits: ForceLimits) -> Self {
-        Self { limits, last: Vec3::zeros() }
+        Self {
+            limits,
+            last: Vec3::zeros(),
+        }
     }
 
     /// The force to apply for one tick of `tick_s` when `wanted` is asked for: bounded, slew-limited, finite. A wish that is not
     /// finite counts as zero force.
     pub fn step(&mut self, wanted: Vec3, tick_s: f64) -> Vec3 {
-        let wanted = if wanted.iter().all(|f| f.is_finite()) { wanted } else { Vec3::zeros() };
+        let wanted = if wanted.iter().all(|f| f.is_finite()) {
+            wanted
+        } else {
+            Vec3::zeros()
+        };
         let bounded = capped(wanted, self.limits.force_n);
         self.last += capped(bounded - self.last, self.limits.slew_n_per_s * tick_s);
         self.last
@@ -118,7 +143,11 @@ impl ForceLimiter {
 /// `v`, shortened to length `limit` where it is longer.
 pub fn capped(v: Vec3, limit: f64) -> Vec3 {
     let length = v.norm();
-    if length <= limit { v } else { v * (limit / length) }
+    if length <= limit {
+        v
+    } else {
+        v * (limit / length)
+    }
 }
 
 #[cfg(test)]
@@ -127,8 +156,10 @@ mod tests {
     use proptest::prelude::*;
 
     const TICK_S: f64 = 1e-3;
-    const TIMES: WatchdogTimes =
-        WatchdogTimes { silence: Duration::from_millis(100), ramp: Duration::from_millis(50) };
+    const TIMES: WatchdogTimes = WatchdogTimes {
+        silence: Duration::from_millis(100),
+        ramp: Duration::from_millis(50),
+    };
 
     fn at(ms: u64) -> Timestamp {
         Timestamp::from_nanos(ms * 1_000_000)
@@ -188,7 +219,10 @@ mod tests {
 
     #[test]
     fn a_steady_wish_within_bounds_is_reached_and_kept() {
-        let mut limiter = ForceLimiter::new(ForceLimits { force_n: 20.0, slew_n_per_s: 2000.0 });
+        let mut limiter = ForceLimiter::new(ForceLimits {
+            force_n: 20.0,
+            slew_n_per_s: 2000.0,
+        });
         for _ in 0..10 {
             limiter.step(Vec3::new(3.0, -4.0, 12.0), TICK_S);
         }
@@ -199,7 +233,13 @@ mod tests {
     fn the_check_names_the_field() {
         let good = ("position_m", &[0.0, 1.0][..]);
         assert_eq!(check(&[good]), Ok(()));
-        assert_eq!(check(&[good, ("force_n", &[f64::NAN])]), Err(NotFinite { field: "force_n" }));
-        assert_eq!(check(&[("force_n", &[f64::INFINITY]), good]), Err(NotFinite { field: "force_n" }));
+        assert_eq!(
+            check(&[good, ("force_n", &[f64::NAN])]),
+            Err(NotFinite { field: "force_n" })
+        );
+        assert_eq!(
+            check(&[("force_n", &[f64::INFINITY]), good]),
+            Err(NotFinite { field: "force_n" })
+        );
     }
 }

@@ -1,0 +1,206 @@
+//! One session: a block of clay, its tools, and the conditioned line to each of them. Stepped once a tick.
+
+use teleclay_clay::{Clay, Material};
+use teleclay_link::conditioner::{Conditioner, Impairment};
+use teleclay_link::safety::NotFinite;
+use teleclay_link::time::Timestamp;
+use teleclay_proto::frame::{HandleFrame, ToolFrame};
+
+use crate::tool_side::{Permission, ToolSide, ToolStep};
+
+/// Frames in flight on one line at most: two seconds of delay at 1 kHz, every one of them doubled.
+const LINE_CAPACITY: usize = 4096;
+
+/// What the network does, in each direction.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Lines {
+    /// From handle to tool.
+    pub up: Impairment,
+    /// Seed of that line.
+    pub up_seed: u64,
+    /// From tool to handle.
+    pub down: Impairment,
+    /// Seed of that line.
+    pub down_seed: u64,
+}
+
+/// One tool's place in a session: the line up, the line down, and the tool side while somebody holds it.
+struct Place {
+    side: Option<Box<ToolSide>>,
+    up: Conditioner<HandleFrame>,
+    down: Conditioner<ToolFrame>,
+    last: ToolStep,
+}
+
+/// A session's loop. Owned by whoever steps it.
+pub struct SessionLoop {
+    clay: Clay,
+    material: Material,
+    places: Vec<Place>,
+    is_paused: bool,
+    fault: Option<NotFinite>,
+    ticks: u64,
+}
+
+impl SessionLoop {
+    /// A session with room for `places` tools.
+    pub fn new(clay: Clay, material: Material, places: usize, lines: &Lines) -> Self {
+        let place = |number: u64| Place {
+            side: None,
+            up: Conditioner::new(lines.up, lines.up_seed.wrapping_add(number), LINE_CAPACITY),
+            down: Conditioner::new(
+                lines.down,
+                lines.down_seed.wrapping_add(number),
+                LINE_CAPACITY,
+            ),
+            last: ToolStep::default(),
+        };
+        Self {
+            clay,
+            material,
+            places: (0..places as u64).map(place).collect(),
+            is_paused: false,
+            fault: None,
+            ticks: 0,
+        }
+    }
+
+    /// A frame from the handle of `place` entered the line.
+    pub fn on_frame(&mut self, now: Timestamp, place: usize, frame: HandleFrame) {
+        if let Some(place) = self.places.get_mut(place) {
+            place.up.push(now, frame);
+        }
+    }
+
+    /// One tick of every tool. `send` gets each frame that leaves the line towards a handle.
+    pub fn step(&mut self, now: Timestamp, mut send: impl FnMut(usize, &ToolFrame)) {
+        self.ticks += 1;
+        for (number, place) in self.places.iter_mut().enumerate() {
+            let Some(side) = place.side.as_mut() else {
+                continue;
+            };
+            while let Some(frame) = place.up.poll(now) {
+                side.on_frame(now, &frame);
+            }
+            let permission = match (self.fault, self.is_paused) {
+                (Some(_), _) => Permission::Fault,
+                (None, true) => Permission::Pause,
+                (None, false) => Permission::Work,
+            };
+            place.last = side.step(now, &mut self.clay, &self.material, permission);
+            self.fault = self.fault.or(side.fault());
+            place.down.push(now, *side.frame());
+            while let Some(frame) = place.down.poll(now) {
+                send(number, &frame);
+            }
+        }
+    }
+
+    /// Gives `place` to an operator. Returns who held it, to be dropped elsewhere.
+    pub fn seat(&mut self, place: usize, side: Box<ToolSide>) -> Option<Box<ToolSide>> {
+        let place = self.places.get_mut(place)?;
+        place.up.clear();
+        place.down.clear();
+        place.side.replace(side)
+    }
+
+    /// Takes `place` from its operator.
+    pub fn vacate(&mut self, place: usize) -> Option<Box<ToolSide>> {
+        let place = self.places.get_mut(place)?;
+        place.up.clear();
+        place.down.clear();
+        place.last = ToolStep::default();
+        place.side.take()
+    }
+
+    /// Changes what the lines do, from the next frame on.
+    pub fn impair(&mut self, lines: &Lines) {
+        for (number, place) in (0_u64..).zip(&mut self.places) {
+            place.up.impair(lines.up);
+            place.up.reseed(lines.up_seed.wrapping_add(number));
+            place.down.impair(lines.down);
+            place.down.reseed(lines.down_seed.wrapping_add(number));
+        }
+    }
+
+    /// A fresh block: tools go to where their handles are, without cutting. Clears a fault. Returns the old clay, to be dropped
+    /// elsewhere.
+    pub fn replace_clay(&mut self, clay: Clay) -> Clay {
+        self.fault = None;
+        for side in self
+            .places
+            .iter_mut()
+            .filter_map(|place| place.side.as_mut())
+        {
+            side.reindex();
+        }
+        std::mem::replace(&mut self.clay, clay)
+    }
+
+    /// Changes what the clay is made of.
+    pub fn soften_or_harden(&mut self, material: Material) {
+        self.material = material;
+    }
+
+    /// Holds every tool.
+    pub fn pause(&mut self) {
+        self.is_paused = true;
+    }
+
+    /// Lets the tools work again.
+    pub fn resume(&mut self) {
+        self.is_paused = false;
+    }
+
+    /// Whether the session is paused.
+    pub fn is_paused(&self) -> bool {
+        self.is_paused
+    }
+
+    /// The value that put the session into fault, if one did.
+    pub fn fault(&self) -> Option<NotFinite> {
+        self.fault
+    }
+
+    /// Ticks so far.
+    pub fn ticks(&self) -> u64 {
+        self.ticks
+    }
+
+    /// The clay.
+    pub fn clay(&self) -> &Clay {
+        &self.clay
+    }
+
+    /// The clay, for draining changes and hashes.
+    pub fn clay_mut(&mut self) -> &mut Clay {
+        &mut self.clay
+    }
+
+    /// The material.
+    pub fn material(&self) -> &Material {
+        &self.material
+    }
+
+    /// Number of places, taken or not.
+    pub fn places(&self) -> usize {
+        self.places.len()
+    }
+
+    /// The tool side at `place`, if somebody holds it.
+    pub fn side(&self, place: usize) -> Option<&ToolSide> {
+        self.places.get(place)?.side.as_deref()
+    }
+
+    /// The tool side at `place`, to change its scheme.
+    pub fn side_mut(&mut self, place: usize) -> Option<&mut ToolSide> {
+        self.places.get_mut(place)?.side.as_deref_mut()
+    }
+
+    /// What the tool at `place` did in the last tick.
+    pub fn last_step(&self, place: usize) -> ToolStep {
+        self.places
+            .get(place)
+            .map_or_else(ToolStep::default, |place| place.last)
+    }
+}

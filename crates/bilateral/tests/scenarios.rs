@@ -1,0 +1,372 @@
+//! The whole loop on virtual time, against closed forms and against what must hold whatever the network does.
+
+use std::time::Duration;
+
+use teleclay_bilateral::rig::{Rig, Setup};
+use teleclay_bilateral::{Contact, Lines};
+use teleclay_clay::{Ball, Blade, BladeDimensions, Clay, Material, Shape, SteppedBlock, ToolShape};
+use teleclay_link::conditioner::{Bursts, Impairment, JitterDistribution, Outages};
+use teleclay_operator::{Intent, Reach};
+use teleclay_proto::join::LoopParameters;
+use teleclay_proto::{Axes, Scheme};
+
+fn force_exchange() -> LoopParameters {
+    LoopParameters {
+        scheme: Scheme::ForceExchange,
+        ..LoopParameters::default()
+    }
+}
+
+const ONE_TICK: Duration = Duration::from_millis(1);
+const REACH: Reach = Reach {
+    x_m: 0.045,
+    y_m: 0.018,
+    depth_m: 0.020,
+};
+
+/// A ball over the middle of a block, its lowest point on the surface.
+fn carving(intent: Intent, lines: Lines) -> Rig {
+    let radius_m = 0.0064;
+    Rig::new(Setup {
+        parameters: LoopParameters {
+            home_m: [0.064, 0.032, 0.064 + radius_m],
+            ..force_exchange()
+        },
+        clay: Clay::new(
+            &Shape::Block {
+                size_m: [0.128, 0.064, 0.064],
+            },
+            5e-4,
+        )
+        .unwrap(),
+        material: Material::default(),
+        tool: ToolShape::Ball(Ball::new(radius_m).unwrap()),
+        intent,
+        lines,
+    })
+    .unwrap()
+}
+
+/// The experiment of [KHMH03] Fig. 7: the stepped block, the blade, a steady force at the sensor, along x.
+fn fig_7(hand_force_n: f64, lines: Lines, home_x_m: f64) -> Rig {
+    Rig::new(Setup {
+        parameters: LoopParameters {
+            home_m: [home_x_m, 0.032, 0.010],
+            reach_m: [[-0.1, -0.1, -0.1], [0.5, 0.2, 0.2]],
+            axes: Axes::Two,
+            ..force_exchange()
+        },
+        clay: Clay::new(&Shape::Stepped(SteppedBlock::paper()), 5e-4).unwrap(),
+        material: Material::default(),
+        tool: ToolShape::Blade(
+            Blade::new(BladeDimensions {
+                width_m: 0.010,
+                height_m: 0.040,
+                thickness_m: 0.002,
+            })
+            .unwrap(),
+        ),
+        intent: Intent::sensor_force([hand_force_n, 0.0, 0.0]).unwrap(),
+        lines,
+    })
+    .unwrap()
+}
+
+fn both_ways(line: Impairment) -> Lines {
+    Lines {
+        up: line,
+        up_seed: 1,
+        down: line,
+        down_seed: 2,
+    }
+}
+
+fn delayed_by_millis(delay: u32) -> Impairment {
+    Impairment {
+        delay: ONE_TICK * delay,
+        ..Impairment::default()
+    }
+}
+
+fn cutting() -> Intent {
+    Intent::cutting(REACH).unwrap()
+}
+
+/// Everything a run leaves behind, as bits.
+fn digest(rig: &mut Rig) -> (u64, [u64; 3], [u64; 3]) {
+    let hash = rig.session_mut().clay_mut().hash();
+    (
+        hash,
+        rig.tool().view().position_m.map(f64::to_bits),
+        rig.last().felt_force_n.map(f64::to_bits),
+    )
+}
+
+#[test]
+fn without_delay_the_tool_stands_where_the_handle_is() {
+    let mut rig = carving(cutting(), Lines::default());
+    let mut worst = 0.0_f64;
+    for _ in 0..20_000 {
+        rig.tick();
+        // After a tick the device has moved on, like the tool; the handle's own report is a tick old.
+        let handle = rig.device().sample().position_m;
+        let tool = rig.tool().view().position_m;
+        worst = worst
+            .max((tool[0] - 0.064 - handle[0]).abs())
+            .max((tool[1] - 0.032 - handle[1]).abs());
+    }
+    let stroke = 2.0 * REACH.x_m;
+    assert!(0 < rig.session().clay().removed_units());
+    assert!(worst < 1e-6 * stroke, "worst {worst} m");
+}
+
+/// `v_i = f_h / (B + rho B_i)` with `B_i` from viscosity and engaged area of the real clay: 20, 40, 60 N s/m.
+#[test]
+fn the_cutting_experiment_reaches_the_papers_plateaus() {
+    let mut rig = fig_7(2.0, Lines::default(), 0.0);
+    let mut plateaus = [(0.0, 0_u32, f64::MAX, 0.0_f64); 3];
+    for _ in 0..4000 {
+        rig.tick();
+        let sample = rig.device().sample();
+        let (x, v) = (sample.position_m[0], sample.velocity_m_s[0]);
+        // The last part of each range, short of the look-ahead at its end. Before it the servo's lag swings out: at 60 N s/m its
+        // closed-loop poles leave a tenth of the step after 9 mm.
+        for (range, plateau) in plateaus.iter_mut().enumerate() {
+            let start = 0.03 * (range as f64 + 1.0);
+            if (start + 0.023..start + 0.029).contains(&x) {
+                *plateau = (
+                    plateau.0 + v,
+                    plateau.1 + 1,
+                    plateau.2.min(v),
+                    plateau.3.max(v),
+                );
+            }
+        }
+    }
+    for (range, (sum, count, least, greatest)) in plateaus.into_iter().enumerate() {
+        let mean = sum / f64::from(count);
+        let theory = 2.0 / (10.0 + 20.0 * (range as f64 + 1.0));
+        println!(
+            "range {range}: {mean:.5} m/s, theory {theory:.5}, ripple {:.3} %",
+            100.0 * (greatest - least) / mean
+        );
+        assert!(
+            (mean / theory - 1.0).abs() < 0.02,
+            "range {range}: {mean}, theory {theory}"
+        );
+        assert!(
+            (greatest - least) / mean < 0.02,
+            "range {range}: from {least} to {greatest}"
+        );
+    }
+}
+
+#[test]
+fn the_same_seed_gives_the_same_bits_and_another_seed_does_not() {
+    let bad = Impairment {
+        delay: ONE_TICK * 20,
+        jitter: ONE_TICK * 8,
+        loss: 0.1,
+        ..Impairment::default()
+    };
+    let run = |seed| {
+        let mut rig = carving(
+            cutting(),
+            Lines {
+                up: bad,
+                up_seed: seed,
+                down: bad,
+                down_seed: seed + 1,
+            },
+        );
+        rig.run_for(Duration::from_secs(8));
+        digest(&mut rig)
+    };
+    assert_eq!(run(3), run(3));
+    assert_ne!(run(3), run(4));
+}
+
+#[test]
+fn clay_is_conserved_whatever_the_network_does() {
+    let worst = Impairment {
+        delay: ONE_TICK * 60,
+        jitter: ONE_TICK * 30,
+        distribution: JitterDistribution::HeavyTailed,
+        loss: 0.2,
+        duplicate: 0.2,
+        reorder: 0.2,
+        bursts: Some(Bursts {
+            enter: 0.01,
+            leave: 0.05,
+            loss: 0.9,
+        }),
+        outages: Some(Outages {
+            every: ONE_TICK * 3000,
+            length: ONE_TICK * 200,
+        }),
+    };
+    let mut rig = carving(cutting(), both_ways(worst));
+    for _ in 0..15_000 {
+        rig.tick();
+        let clay = rig.session().clay();
+        assert_eq!(
+            clay.initial_units(),
+            clay.remaining_units() + clay.removed_units()
+        );
+        let felt = rig.last().felt_force_n;
+        assert!(
+            felt.iter().all(|f| f.is_finite())
+                && felt.iter().map(|f| f * f).sum::<f64>().sqrt() <= 20.0 + 1e-9
+        );
+    }
+    assert!(0 < rig.session().clay().removed_units());
+}
+
+#[test]
+fn a_cut_line_releases_the_hand_and_stops_the_tool() {
+    let mut rig = carving(cutting(), both_ways(delayed_by_millis(20)));
+    let tugs = (0..10_000).any(|_| {
+        rig.tick();
+        0.5 < rig.last().felt_force_n[0].abs()
+    });
+    assert!(tugs, "never cut: {:?}", rig.last());
+
+    let cut = Impairment {
+        loss: 1.0,
+        ..Impairment::default()
+    };
+    rig.session_mut().impair(&both_ways(cut));
+    // What is in flight still arrives; then silence of 100 ms and a ramp of 50 ms.
+    rig.run_for(Duration::from_millis(20 + 100 + 50) + ONE_TICK * 2);
+    assert_eq!(rig.last().felt_force_n, [0.0; 3]);
+    assert_eq!(rig.last().contact, Contact::Silent);
+    let stopped = rig.tool().view().position_m;
+    let removed = rig.session().clay().removed_units();
+    rig.run_for(Duration::from_secs(3));
+    assert_eq!(
+        rig.tool().view().position_m.map(f64::to_bits),
+        stopped.map(f64::to_bits)
+    );
+    assert_eq!(rig.session().clay().removed_units(), removed);
+}
+
+#[test]
+fn a_line_that_comes_back_ramps_up_and_executes_nothing_of_the_meantime() {
+    let mut rig = carving(cutting(), both_ways(delayed_by_millis(5)));
+    rig.run_for(Duration::from_secs(6));
+    rig.session_mut().impair(&both_ways(Impairment {
+        loss: 1.0,
+        ..Impairment::default()
+    }));
+    rig.run_for(Duration::from_secs(5));
+    let stopped = rig.tool().view().position_m;
+
+    rig.session_mut().impair(&both_ways(delayed_by_millis(5)));
+    let (mut before_force, mut before_place) = (rig.last().felt_force_n, stopped);
+    for _ in 0..500 {
+        rig.tick();
+        let (force, place) = (rig.last().felt_force_n, rig.tool().view().position_m);
+        let step =
+            |a: [f64; 3], b: [f64; 3]| (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f64>().sqrt();
+        assert!(
+            step(force, before_force) < 0.2,
+            "force stepped by {}",
+            step(force, before_force)
+        );
+        // Five seconds of strokes at 40 mm/s were missed; the tool must not catch up with them.
+        assert!(
+            step(place, before_place) < 0.15e-3,
+            "tool leapt by {}",
+            step(place, before_place)
+        );
+        (before_force, before_place) = (force, place);
+    }
+    assert_eq!(rig.last().contact, Contact::Live);
+}
+
+#[test]
+fn a_value_that_is_no_number_ends_in_fault_with_its_name_and_no_force() {
+    let mut rig = carving(cutting(), Lines::default());
+    rig.run_for(Duration::from_secs(6));
+    let mut frame = rig.handle().frame().clone();
+    frame.header.sequence += 1;
+    frame.hand_force_n[1] = f64::NAN;
+    let now = rig.now();
+    rig.session_mut().on_frame(now, 0, frame);
+    let removed = rig.session().clay().removed_units();
+    rig.run_for(Duration::from_millis(60));
+    assert_eq!(
+        rig.session().fault().map(|fault| fault.field),
+        Some("hand_force_n")
+    );
+    assert_eq!(rig.last().contact, Contact::Fault);
+    rig.run_for(Duration::from_millis(200));
+    assert_eq!(rig.last().felt_force_n, [0.0; 3]);
+    let slack = rig.session().clay().removed_units() - removed;
+    rig.run_for(Duration::from_secs(1));
+    assert_eq!(
+        rig.session().clay().removed_units(),
+        removed + slack,
+        "a faulty session went on cutting"
+    );
+}
+
+#[test]
+fn pausing_holds_the_tool_and_resuming_steps_nothing() {
+    let mut rig = carving(cutting(), Lines::default());
+    rig.run_for(Duration::from_secs(6));
+    rig.session_mut().pause();
+    rig.run_for(Duration::from_millis(100));
+    let held = rig.tool().view().position_m;
+    rig.run_for(Duration::from_secs(2));
+    assert_eq!(
+        rig.tool().view().position_m.map(f64::to_bits),
+        held.map(f64::to_bits)
+    );
+    assert_eq!(rig.last().felt_force_n, [0.0; 3]);
+    rig.session_mut().resume();
+    let mut before = rig.last().felt_force_n;
+    for _ in 0..300 {
+        rig.tick();
+        let felt = rig.last().felt_force_n;
+        assert!((0..3).all(|axis| (felt[axis] - before[axis]).abs() < 0.2));
+        before = felt;
+    }
+}
+
+/// [KHMH03]'s scheme forwards only forces: what delay does to it is a growing distance between hand and tool, not a swing.
+#[test]
+fn delay_costs_force_exchange_its_coordination_and_not_its_stability() {
+    // A blade at rest in the deepest step (60 N s/m), pushed with 2 N for half a second.
+    let coordination_after = |delay| {
+        let mut rig = fig_7(0.0, both_ways(delayed_by_millis(delay)), 0.091);
+        rig.device_mut()
+            .intend(Intent::constant_force([2.0, 0.0, 0.0]).unwrap());
+        rig.run_for(Duration::from_millis(500));
+        rig.device_mut().intend(Intent::Idle);
+        let mut worst = 0.0_f64;
+        for _ in 0..4000 {
+            rig.tick();
+            worst = worst.max(rig.tool().coordination_m());
+        }
+        assert!(
+            rig.device().sample().velocity_m_s[0].abs() < 0.01,
+            "swinging at {delay} ms"
+        );
+        worst
+    };
+    let (near, far) = (coordination_after(6), coordination_after(200));
+    println!("hand and tool apart: {near} m at 12 ms round trip, {far} m at 400 ms");
+    assert!(5.0 * near < far);
+}
+
+#[test]
+fn the_rig_runs_far_faster_than_real_time() {
+    let mut rig = carving(cutting(), both_ways(delayed_by_millis(10)));
+    let started = std::time::Instant::now();
+    rig.run_for(Duration::from_secs(20));
+    let ratio = 20.0 / started.elapsed().as_secs_f64();
+    println!("rig: {ratio:.0} times real time");
+    // The figure itself is printed by `cargo figures`; here only a rig that crawls fails.
+    assert!(10.0 < ratio, "{ratio}");
+}
