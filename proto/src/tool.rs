@@ -61,7 +61,7 @@ impl Validate for ToolDescription {
 
 /// A tool as it is spelt, flat: an error then names the very field, which serde's own tagged enumerations cannot.
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, expecting = "an object that describes a tool")]
 struct RawTool {
     kind: RawKind,
     radius_m: Option<f64>,

@@ -1,6 +1,8 @@
 //! From bytes to a checked type, or to an error that says where.
 
 use serde::de::DeserializeOwned;
+use serde::{Deserialize, Deserializer, Serialize};
+use serde_json::Value;
 use serde_path_to_error::{Path, Segment};
 
 use super::{FieldError, Validate};
@@ -27,24 +29,59 @@ pub enum BodyError {
 ///
 /// # Errors
 /// When it is not JSON, when a field is unknown, missing, doubled or of another type, or when a value is out of its range.
-pub fn parse<T: DeserializeOwned + Validate>(body: &[u8]) -> Result<T, BodyError> {
-    let mut deserializer = serde_json::Deserializer::from_slice(body);
-    let value: T = serde_path_to_error::deserialize(&mut deserializer)
-        .map_err(|error| body_error(&pointer(error.path()), error.inner()))?;
-    deserializer.end().map_err(|error| body_error("", &error))?;
+pub fn parse<T>(body: &[u8]) -> Result<T, BodyError>
+where
+    T: DeserializeOwned + Serialize + Validate,
+{
+    let document: Value = serde_json::from_slice(body).map_err(syntax_error)?;
+    let value: T = read(&document)?;
+    // A document keeps the last of two fields of one name; only the text shows that there were two.
+    read::<T, _>(&mut serde_json::Deserializer::from_slice(body))?;
+    // Serde also reads a struct from an array of its fields in order. Nobody documents such a body, and a field added
+    // later would change its meaning: wherever the value is an object, the body must have one.
+    compare(
+        &document,
+        &serde_json::to_value(&value).map_err(syntax_error)?,
+    )?;
     value.validate()?;
     Ok(value)
 }
 
-fn body_error(pointer: &str, error: &serde_json::Error) -> BodyError {
-    let detail = without_position(error);
-    if error.is_data() {
-        return FieldError::new(pointer, detail).into();
-    }
+fn read<'de, T, D>(deserializer: D) -> Result<T, FieldError>
+where
+    T: Deserialize<'de>,
+    D: Deserializer<'de, Error = serde_json::Error>,
+{
+    serde_path_to_error::deserialize(deserializer)
+        .map_err(|error| FieldError::new(pointer(error.path()), without_position(error.inner())))
+}
+
+fn syntax_error(error: serde_json::Error) -> BodyError {
     BodyError::Syntax {
         line: error.line(),
         column: error.column(),
-        detail,
+        detail: without_position(&error),
+    }
+}
+
+fn compare(got: &Value, want: &Value) -> Result<(), FieldError> {
+    match (got, want) {
+        (Value::Array(_), Value::Object(_)) => {
+            Err(FieldError::new("", "an array came, wanted an object"))
+        }
+        (Value::Object(got), Value::Object(want)) => got.iter().try_for_each(|(key, got)| {
+            let below = want.get(key).map_or(Ok(()), |want| compare(got, want));
+            below.map_err(|error| error.under(&segment(key)))
+        }),
+        (Value::Array(got), Value::Array(want)) => {
+            got.iter()
+                .zip(want)
+                .enumerate()
+                .try_for_each(|(index, (got, want))| {
+                    compare(got, want).map_err(|error| error.under(&format!("/{index}")))
+                })
+        }
+        _ => Ok(()),
     }
 }
 
@@ -56,17 +93,17 @@ fn without_position(error: &serde_json::Error) -> String {
 }
 
 fn pointer(path: &Path) -> String {
-    let mut pointer = String::new();
-    for segment in path {
-        match segment {
-            Segment::Seq { index } => pointer.push_str(&format!("/{index}")),
-            Segment::Map { key } => {
-                pointer.push('/');
-                pointer.push_str(&key.replace('~', "~0").replace('/', "~1"));
-            }
+    path.iter()
+        .map(|part| match part {
+            Segment::Seq { index } => format!("/{index}"),
+            Segment::Map { key } => segment(key),
             // A tagged enumeration adds no level to the document, and an unknown one cannot be named.
-            Segment::Enum { .. } | Segment::Unknown => {}
-        }
-    }
-    pointer
+            Segment::Enum { .. } | Segment::Unknown => String::new(),
+        })
+        .collect()
+}
+
+/// One key of a JSON pointer, RFC 6901.
+fn segment(key: &str) -> String {
+    format!("/{}", key.replace('~', "~0").replace('/', "~1"))
 }

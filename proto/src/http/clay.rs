@@ -40,18 +40,23 @@ pub enum ClayShape {
     /// A full block.
     Block {
         /// Extent along x, y, z, m.
+        #[schema(required = false)]
         size_m: [f64; 3],
     },
     /// The block of the cutting experiment: its top rises in steps along x, so that a blade which moves level cuts one
     /// depth after the other.
     Stepped {
         /// Where the steps begin and end along x, m: ascending, one more than there are depths. Nothing stands outside.
+        #[schema(required = false)]
         edges_m: Vec<f64>,
         /// Height of each step above the blade's lower edge, m; 1 to 64 steps.
+        #[schema(required = false)]
         depths_of_cut_m: Vec<f64>,
         /// Height of the clay below the blade's lower edge, m.
+        #[schema(required = false)]
         base_m: f64,
         /// Extent along y, m.
+        #[schema(required = false)]
         width_m: f64,
     },
 }
@@ -69,16 +74,20 @@ pub struct ClaySpec {
 
 /// Asks for a fresh block.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
-#[serde(default, deny_unknown_fields)]
+#[serde(deny_unknown_fields)]
 pub struct ClayReset {
     /// Its shape; the shape of the last block when left out.
+    #[schema(nullable = false)]
     #[serde(
+        default,
         skip_serializing_if = "Option::is_none",
         deserialize_with = "super::patch::present"
     )]
     pub shape: Option<ClayShape>,
     /// Its material; the material of the last block when left out.
+    #[schema(nullable = false)]
     #[serde(
+        default,
         skip_serializing_if = "Option::is_none",
         deserialize_with = "super::patch::present"
     )]
@@ -278,7 +287,10 @@ impl ToSchema for ClayHash {
 
 /// A shape as it is spelt, flat: an error then names the very field, which serde's own tagged enumerations cannot.
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(
+    deny_unknown_fields,
+    expecting = "an object that describes a shape of clay"
+)]
 struct RawShape {
     kind: RawKind,
     size_m: Option<[f64; 3]>,

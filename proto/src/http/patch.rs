@@ -8,90 +8,169 @@ use super::{FieldError, Material, Scheme, Validate};
 
 /// Body of `PATCH /sessions/{id}`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
-#[serde(default, deny_unknown_fields)]
+#[serde(deny_unknown_fields)]
 pub struct SessionPatch {
     /// Another scheme.
-    #[serde(skip_serializing_if = "Option::is_none", deserialize_with = "present")]
+    #[schema(nullable = false)]
+    #[serde(
+        default,
+        skip_serializing_if = "Option::is_none",
+        deserialize_with = "present"
+    )]
     pub scheme: Option<Scheme>,
     /// Another material.
-    #[serde(skip_serializing_if = "Option::is_none", deserialize_with = "present")]
+    #[schema(nullable = false)]
+    #[serde(
+        default,
+        skip_serializing_if = "Option::is_none",
+        deserialize_with = "present"
+    )]
     pub material: Option<MaterialPatch>,
     /// Another network.
-    #[serde(skip_serializing_if = "Option::is_none", deserialize_with = "present")]
+    #[schema(nullable = false)]
+    #[serde(
+        default,
+        skip_serializing_if = "Option::is_none",
+        deserialize_with = "present"
+    )]
     pub network: Option<NetworkPatch>,
     /// Whether the tool is to rest.
-    #[serde(skip_serializing_if = "Option::is_none", deserialize_with = "present")]
+    #[schema(nullable = false)]
+    #[serde(
+        default,
+        skip_serializing_if = "Option::is_none",
+        deserialize_with = "present"
+    )]
     pub paused: Option<bool>,
 }
 
-/// Changes of a [`Material`].
+/// Changes of a material.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
-#[serde(default, deny_unknown_fields)]
+#[serde(deny_unknown_fields)]
 pub struct MaterialPatch {
     /// Stress per speed, Pa·s/m.
-    #[schema(minimum = 0, maximum = 1e7)]
-    #[serde(skip_serializing_if = "Option::is_none", deserialize_with = "present")]
+    #[schema(nullable = false, minimum = 0, maximum = 1e7)]
+    #[serde(
+        default,
+        skip_serializing_if = "Option::is_none",
+        deserialize_with = "present"
+    )]
     pub viscosity_pa_s_per_m: Option<f64>,
     /// Stress below which clay only bends, Pa.
-    #[schema(minimum = 0, maximum = 1e6)]
-    #[serde(skip_serializing_if = "Option::is_none", deserialize_with = "present")]
+    #[schema(nullable = false, minimum = 0, maximum = 1e6)]
+    #[serde(
+        default,
+        skip_serializing_if = "Option::is_none",
+        deserialize_with = "present"
+    )]
     pub yield_stress_pa: Option<f64>,
     /// Modulus of the elastic part, Pa.
-    #[schema(minimum = 0, maximum = 1e9)]
-    #[serde(skip_serializing_if = "Option::is_none", deserialize_with = "present")]
+    #[schema(nullable = false, minimum = 0, maximum = 1e9)]
+    #[serde(
+        default,
+        skip_serializing_if = "Option::is_none",
+        deserialize_with = "present"
+    )]
     pub stiffness_pa: Option<f64>,
 }
 
-/// Changes of a [`Network`].
+/// Changes of a network.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
-#[serde(default, deny_unknown_fields)]
+#[serde(deny_unknown_fields)]
 pub struct NetworkPatch {
     /// From the handle to the server.
-    #[serde(skip_serializing_if = "Option::is_none", deserialize_with = "present")]
+    #[schema(nullable = false)]
+    #[serde(
+        default,
+        skip_serializing_if = "Option::is_none",
+        deserialize_with = "present"
+    )]
     pub up: Option<ImpairmentPatch>,
     /// From the server to the handle.
-    #[serde(skip_serializing_if = "Option::is_none", deserialize_with = "present")]
+    #[schema(nullable = false)]
+    #[serde(
+        default,
+        skip_serializing_if = "Option::is_none",
+        deserialize_with = "present"
+    )]
     pub down: Option<ImpairmentPatch>,
 }
 
-/// Changes of an [`Impairment`].
+/// Changes of one direction's impairment.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
-#[serde(default, deny_unknown_fields)]
+#[serde(deny_unknown_fields)]
 pub struct ImpairmentPatch {
     /// Mean delay, s.
-    #[schema(minimum = 0, maximum = 2)]
-    #[serde(skip_serializing_if = "Option::is_none", deserialize_with = "present")]
+    #[schema(nullable = false, minimum = 0, maximum = 2)]
+    #[serde(
+        default,
+        skip_serializing_if = "Option::is_none",
+        deserialize_with = "present"
+    )]
     pub delay_s: Option<f64>,
     /// Standard deviation of the delay, s.
-    #[schema(minimum = 0, maximum = 1)]
-    #[serde(skip_serializing_if = "Option::is_none", deserialize_with = "present")]
+    #[schema(nullable = false, minimum = 0, maximum = 1)]
+    #[serde(
+        default,
+        skip_serializing_if = "Option::is_none",
+        deserialize_with = "present"
+    )]
     pub jitter_s: Option<f64>,
     /// Share of packets lost.
-    #[schema(minimum = 0, maximum = 1)]
-    #[serde(skip_serializing_if = "Option::is_none", deserialize_with = "present")]
+    #[schema(nullable = false, minimum = 0, maximum = 1)]
+    #[serde(
+        default,
+        skip_serializing_if = "Option::is_none",
+        deserialize_with = "present"
+    )]
     pub loss: Option<f64>,
     /// Seed of every random draw of this direction.
-    #[schema(maximum = 9007199254740991_u64)]
-    #[serde(skip_serializing_if = "Option::is_none", deserialize_with = "present")]
+    #[schema(nullable = false, maximum = 9007199254740991_u64)]
+    #[serde(
+        default,
+        skip_serializing_if = "Option::is_none",
+        deserialize_with = "present"
+    )]
     pub seed: Option<u64>,
     /// How delays scatter.
-    #[serde(skip_serializing_if = "Option::is_none", deserialize_with = "present")]
+    #[schema(nullable = false)]
+    #[serde(
+        default,
+        skip_serializing_if = "Option::is_none",
+        deserialize_with = "present"
+    )]
     pub jitter_distribution: Option<JitterDistribution>,
     /// Share of packets delivered twice.
-    #[schema(minimum = 0, maximum = 1)]
-    #[serde(skip_serializing_if = "Option::is_none", deserialize_with = "present")]
+    #[schema(nullable = false, minimum = 0, maximum = 1)]
+    #[serde(
+        default,
+        skip_serializing_if = "Option::is_none",
+        deserialize_with = "present"
+    )]
     pub duplicate: Option<f64>,
     /// Share of packets that overtake.
-    #[schema(minimum = 0, maximum = 1)]
-    #[serde(skip_serializing_if = "Option::is_none", deserialize_with = "present")]
+    #[schema(nullable = false, minimum = 0, maximum = 1)]
+    #[serde(
+        default,
+        skip_serializing_if = "Option::is_none",
+        deserialize_with = "present"
+    )]
     pub reorder: Option<f64>,
     /// Losses in bursts; `null` ends them.
     #[schema(value_type = Option<Burst>)]
-    #[serde(skip_serializing_if = "Option::is_none", deserialize_with = "present")]
+    #[serde(
+        default,
+        skip_serializing_if = "Option::is_none",
+        deserialize_with = "present"
+    )]
     pub burst: Option<Option<Burst>>,
     /// Outages; `null` ends them.
     #[schema(value_type = Option<Outage>)]
-    #[serde(skip_serializing_if = "Option::is_none", deserialize_with = "present")]
+    #[serde(
+        default,
+        skip_serializing_if = "Option::is_none",
+        deserialize_with = "present"
+    )]
     pub outage: Option<Option<Outage>>,
 }
 

@@ -73,7 +73,7 @@ pub enum ClientText {
     /// As `PATCH /sessions/{id}`.
     Patch {
         /// The changes.
-        session: SessionPatch,
+        session: Box<SessionPatch>,
     },
     /// As `POST /sessions/{id}/clay/reset`.
     Reset {
@@ -120,13 +120,13 @@ impl Validate for ClientText {
 
 /// A message as it is spelt, flat: an error then names the very field, which serde's own tagged enumerations cannot.
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, expecting = "a message object")]
 struct RawClientText {
     #[serde(rename = "type")]
     kind: RawKind,
     telemetry: Option<Switch>,
     bricks: Option<Switch>,
-    session: Option<SessionPatch>,
+    session: Option<Box<SessionPatch>>,
     clay: Option<ClayReset>,
     nonce: Option<u32>,
 }

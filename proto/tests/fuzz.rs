@@ -1,0 +1,275 @@
+//! Ten million hostile inputs. No decoder may panic, and whatever one accepts must encode to the very bytes it came from.
+
+use teleclay_proto::frame::{HandleFrame, Header, MAX_FRAME, SweepRecord, ToolFrame};
+use teleclay_proto::keys::Key;
+use teleclay_proto::watch::{
+    BRICK_VOXELS, BrickContent, BricksHeader, BricksWriter, ClientText, Message, PackedBrick,
+    Picture, TelemetryBatch, TelemetrySample, pack, unpack,
+};
+
+/// Inputs to the binary decoders; each goes to every decoder.
+const BINARY_INPUTS: u64 = 10_000_000;
+
+/// Inputs to the text parsers, which are slower.
+const TEXT_INPUTS: u64 = 300_000;
+
+/// How often each decoder accepted: a fuzzer whose inputs all fall at the first byte tests only that byte.
+#[derive(Default)]
+struct Accepted {
+    handle: u64,
+    tool: u64,
+    telemetry: u64,
+    bricks: u64,
+    packed: u64,
+}
+
+#[test]
+fn binary_decoders_survive_anything() {
+    let mut random = Random(0x7e1e_c1a4);
+    let seeds = binary_seeds();
+    let mut accepted = Accepted::default();
+    let mut scratch = Scratch::new();
+    let mut input = Vec::new();
+    for _ in 0..BINARY_INPUTS {
+        random.mutate(&seeds, &mut input);
+        decode_with_everything(&input, &mut scratch, &mut accepted);
+    }
+    println!("decoded {BINARY_INPUTS} inputs, none panicked");
+    let Accepted {
+        handle,
+        tool,
+        telemetry,
+        bricks,
+        packed,
+    } = accepted;
+    println!(
+        "accepted: {handle} handle frames, {tool} tool frames, {telemetry} batches, {bricks} bricks, {packed} packed"
+    );
+    for count in [handle, tool, telemetry, bricks, packed] {
+        assert!(
+            BINARY_INPUTS / 1000 < count,
+            "the inputs hardly reach past this decoder's first checks"
+        );
+        assert!(
+            count < BINARY_INPUTS / 2,
+            "the inputs hardly trouble this decoder"
+        );
+    }
+}
+
+#[test]
+fn text_parsers_survive_anything() {
+    let mut random = Random(0x7e1e_c1a5);
+    let seeds = text_seeds();
+    let (mut texts, mut keys) = (0, 0);
+    let mut input = Vec::new();
+    for _ in 0..TEXT_INPUTS {
+        random.mutate(&seeds, &mut input);
+        let text = String::from_utf8_lossy(&input);
+        if let Ok(message) = ClientText::parse(&text) {
+            let again = serde_json::to_string(&message).expect("a message prints");
+            assert_eq!(ClientText::parse(&again), Ok(message), "{text}");
+            texts += 1;
+        }
+        if let Ok(key) = text.parse::<Key>() {
+            assert_eq!(key.to_string(), text);
+            keys += 1;
+        }
+    }
+    println!("parsed {TEXT_INPUTS} inputs, none panicked; accepted {texts} messages, {keys} keys");
+    assert!(TEXT_INPUTS / 1000 < texts && TEXT_INPUTS / 1000 < keys);
+}
+
+struct Scratch {
+    frame: [u8; MAX_FRAME],
+    message: Vec<u8>,
+    samples: Vec<TelemetrySample>,
+    voxels: Box<[u8; BRICK_VOXELS]>,
+    repacked: Vec<u8>,
+}
+
+impl Scratch {
+    fn new() -> Self {
+        Self {
+            frame: [0; MAX_FRAME],
+            message: Vec::new(),
+            samples: Vec::new(),
+            voxels: Box::new([0; BRICK_VOXELS]),
+            repacked: Vec::new(),
+        }
+    }
+}
+
+fn decode_with_everything(input: &[u8], scratch: &mut Scratch, accepted: &mut Accepted) {
+    if let Ok(frame) = HandleFrame::decode(input) {
+        assert_eq!(frame.encode(&mut scratch.frame), input);
+        accepted.handle += 1;
+    }
+    if let Ok(frame) = ToolFrame::decode(input) {
+        assert_eq!(frame.encode(&mut scratch.frame), input);
+        accepted.tool += 1;
+    }
+    match Message::decode(input) {
+        Ok(Message::Telemetry(view)) => {
+            scratch.samples.clear();
+            scratch.samples.extend(view.iter());
+            view.batch
+                .encode(&scratch.samples, &mut scratch.message)
+                .expect("as many as were decoded");
+            assert_eq!(scratch.message, input);
+            accepted.telemetry += 1;
+        }
+        Ok(Message::Bricks(view)) => {
+            let mut writer = BricksWriter::new(view.header, usize::MAX);
+            for brick in view.iter() {
+                brick.body.unpack(&mut scratch.voxels);
+                writer
+                    .push(brick.index, brick.body.into())
+                    .expect("a decoded brick lies in the grid");
+            }
+            match writer.finish().as_slice() {
+                [message] => assert_eq!(message, input),
+                // Changes of no brick are a message that is read but never written.
+                messages => assert!(messages.is_empty() && view.is_empty()),
+            }
+            accepted.bricks += 1;
+        }
+        Err(_) => {}
+    }
+    if let Ok(packed) = PackedBrick::new(input) {
+        packed.unpack(&mut scratch.voxels);
+        scratch.repacked.clear();
+        pack(&scratch.voxels, &mut scratch.repacked);
+        let mut again = [0xaa; BRICK_VOXELS];
+        unpack(&scratch.repacked, &mut again).expect("what was packed unpacks");
+        assert!(again == *scratch.voxels, "packing changed the voxels");
+        accepted.packed += 1;
+    }
+}
+
+fn binary_seeds() -> Vec<Vec<u8>> {
+    let mut buffer = [0; MAX_FRAME];
+    let mut handle = HandleFrame {
+        header: Header {
+            sequence: 9,
+            ..Header::default()
+        },
+        ..HandleFrame::default()
+    };
+    let bare = handle.encode(&mut buffer).to_vec();
+    for sequence in 1..=3 {
+        handle
+            .sweeps
+            .push(SweepRecord {
+                sequence,
+                from: [-1; 3],
+                to: [1; 3],
+            })
+            .expect("three fit");
+    }
+    let mut seeds = vec![
+        bare,
+        handle.encode(&mut buffer).to_vec(),
+        ToolFrame::default().encode(&mut buffer).to_vec(),
+    ];
+    let mut telemetry = Vec::new();
+    TelemetryBatch::default()
+        .encode(&[TelemetrySample::default(); 2], &mut telemetry)
+        .expect("two samples fit");
+    seeds.push(telemetry);
+    let flat: [u8; BRICK_VOXELS] = std::array::from_fn(|voxel| if voxel < 1800 { 255 } else { 0 });
+    for picture in [Picture::Changes, Picture::Whole] {
+        let header = BricksHeader {
+            bricks_per_axis: [3, 2, 2],
+            picture,
+            ..BricksHeader::default()
+        };
+        let mut writer = BricksWriter::new(header, usize::MAX);
+        for (index, content) in [
+            (0, BrickContent::Full),
+            (5, BrickContent::Empty),
+            (11, BrickContent::Voxels(&flat)),
+        ] {
+            writer.push(index, content).expect("the grid has 12 bricks");
+        }
+        seeds.append(&mut writer.finish());
+    }
+    let mut packed = Vec::new();
+    pack(&flat, &mut packed);
+    seeds.push(packed);
+    seeds
+}
+
+fn text_seeds() -> Vec<Vec<u8>> {
+    [
+        r#"{"type":"subscribe","telemetry":"on","bricks":"off"}"#,
+        r#"{"type":"ping","nonce":12345}"#,
+        r#"{"type":"reset","clay":{"shape":{"kind":"block","size_m":[0.1,0.2,0.3]},"material":{"yield_stress_pa":100}}}"#,
+        r#"{"type":"reset","clay":{"shape":{"kind":"stepped","edges_m":[0,0.1],"depths_of_cut_m":[0.01]}}}"#,
+        r#"{"type":"patch","session":{"scheme":"wave","paused":true,"network":{"up":{"delay_s":0.01,"burst":null}}}}"#,
+        "teleclay/lab-1/alive",
+        "teleclay/lab-1/session/demo/tool/1/up",
+        "teleclay/lab-1/session/demo/operator/4294967295",
+    ]
+    .map(|text| text.as_bytes().to_vec())
+    .to_vec()
+}
+
+/// SplitMix64.
+struct Random(u64);
+
+impl Random {
+    fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut mixed = self.0;
+        mixed = (mixed ^ (mixed >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        mixed ^ (mixed >> 31)
+    }
+
+    fn below(&mut self, limit: usize) -> usize {
+        (self.next() % limit.max(1) as u64) as usize
+    }
+
+    /// Makes an input of one to four changes to one of the seeds, or one in sixteen times of nothing but noise.
+    fn mutate(&mut self, seeds: &[Vec<u8>], input: &mut Vec<u8>) {
+        input.clear();
+        if self.below(16) == 0 {
+            for _ in 0..self.below(300) {
+                input.push(self.next() as u8);
+            }
+            return;
+        }
+        let seed = self.below(seeds.len());
+        input.extend_from_slice(&seeds[seed]);
+        for _ in 0..=self.below(4) {
+            self.change(seeds, input);
+        }
+    }
+
+    fn change(&mut self, seeds: &[Vec<u8>], input: &mut Vec<u8>) {
+        let at = self.below(input.len());
+        match self.below(8) {
+            0 => input.truncate(at),
+            1 => input.insert(at, self.next() as u8),
+            2 if !input.is_empty() => drop(input.remove(at)),
+            3 => {
+                // The front of this one and the back of another.
+                let other = &seeds[self.below(seeds.len())];
+                input.truncate(at);
+                input.extend_from_slice(&other[at.min(other.len())..]);
+            }
+            4 => {
+                let value = [0, 1, 0x7f, 0x80, 0xff][self.below(5)];
+                let end = input.len().min(at + 1 + self.below(8));
+                input[at..end].fill(value);
+            }
+            5 if !input.is_empty() => input[at] ^= 1 << self.below(8),
+            _ => {
+                if let Some(byte) = input.get_mut(at) {
+                    *byte = self.next() as u8;
+                }
+            }
+        }
+    }
+}
