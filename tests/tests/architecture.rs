@@ -1,0 +1,461 @@
+//! The rules that keep the rooms apart. Each is told in ARCHITECTURE.md; here it fails when it is broken.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use serde_json::Value;
+
+/// Which rooms a room may use. What a room does not name here it does not know.
+const MAY_USE: [(&str, &[&str]); 10] = [
+    ("control", &[]),
+    ("kinematics", &[]),
+    ("clay", &[]),
+    ("proto", &[]),
+    ("operator", &["control", "kinematics"]),
+    ("link", &["control", "kinematics", "clay", "proto"]),
+    (
+        "bilateral",
+        &["control", "kinematics", "clay", "proto", "operator", "link"],
+    ),
+    ("shell", &["proto", "link"]),
+    (
+        "server",
+        &[
+            "control",
+            "kinematics",
+            "clay",
+            "proto",
+            "link",
+            "bilateral",
+            "shell",
+        ],
+    ),
+    (
+        "handle",
+        &[
+            "control",
+            "kinematics",
+            "clay",
+            "proto",
+            "operator",
+            "link",
+            "bilateral",
+            "shell",
+        ],
+    ),
+];
+
+/// Rooms that may use every other: they are there to look at the whole.
+const SEE_EVERYTHING: [&str; 2] = ["teleclay-tests", "xtask"];
+
+/// Rooms that are mathematics and matter alone: they do not even know how they are written down.
+const WITHOUT_SERDE: [&str; 3] = ["control", "kinematics", "clay"];
+
+/// Packages that open sockets, start threads or ask the operating system for chance.
+const IMPURE_PACKAGES: [&str; 12] = [
+    "async-std",
+    "axum",
+    "getrandom",
+    "hyper",
+    "mio",
+    "reqwest",
+    "smol",
+    "socket2",
+    "tokio",
+    "tungstenite",
+    "ureq",
+    "zenoh",
+];
+
+/// What pure code has no business with: clocks, threads, files, sockets, processes, chance.
+const IMPURE_WORDS: [&str; 12] = [
+    "Instant::now",
+    "SystemTime",
+    "thread::spawn",
+    "thread::sleep",
+    "std::net",
+    "std::fs",
+    "std::process",
+    "std::env",
+    "std::thread",
+    "thread_rng",
+    "rand::rng",
+    "getrandom",
+];
+
+/// The same, where a brace gathers several names of std: `use std::{fmt, fs}`.
+const IMPURE_MODULES: [&str; 5] = ["env", "fs", "net", "process", "thread"];
+
+#[test]
+fn each_room_uses_only_rooms_above_it() {
+    let metadata = metadata(&["--no-deps"]);
+    let mut wrong = Vec::new();
+    let mut edges = 0;
+    for package in list(&metadata["packages"]) {
+        let name = text(&package["name"]);
+        if SEE_EVERYTHING.contains(&name) {
+            continue;
+        }
+        let room = name.strip_prefix("teleclay-").unwrap_or(name);
+        let Some((_, allowed)) = MAY_USE.iter().find(|(known, _)| *known == room) else {
+            wrong.push(format!(
+                "{name} is not on the map: say in this test which rooms it may use"
+            ));
+            continue;
+        };
+        // Tests of a room count, too: what only tests know today, the room knows tomorrow.
+        let used = list(&package["dependencies"])
+            .iter()
+            .map(|dependency| text(&dependency["name"]));
+        for other in used.filter_map(|used| used.strip_prefix("teleclay-")) {
+            edges += 1;
+            if !allowed.contains(&other) {
+                wrong.push(format!("{room} uses {other}, which is not above it"));
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+    assert!(
+        0 < edges,
+        "no room uses another: the edges are not where this test looks"
+    );
+}
+
+#[test]
+fn control_kinematics_and_clay_do_not_know_how_they_are_written_down() {
+    let metadata = metadata(&["--no-deps"]);
+    for room in WITHOUT_SERDE {
+        let package = member(&metadata, room);
+        for dependency in list(&package["dependencies"]) {
+            let name = text(&dependency["name"]);
+            let is_for_tests = dependency["kind"] == "dev";
+            assert!(
+                is_for_tests || !name.starts_with("serde"),
+                "{room} uses {name}"
+            );
+        }
+    }
+}
+
+#[test]
+fn nothing_below_a_pure_crate_opens_a_socket_or_starts_a_thread() {
+    let metadata = metadata(&["--filter-platform", &host()]);
+    let names: BTreeMap<&str, &str> = list(&metadata["packages"])
+        .iter()
+        .map(|package| (text(&package["id"]), text(&package["name"])))
+        .collect();
+    for package in pure_members(&metadata) {
+        let tree = tree_of(&metadata, text(&package["id"]));
+        let found: Vec<&str> = tree
+            .iter()
+            .map(|id| names[id])
+            .filter(|name| is_impure(name))
+            .collect();
+        assert!(
+            found.is_empty(),
+            "{} brings {found:?}",
+            text(&package["name"])
+        );
+    }
+    // The same walk from the server must find what it is blind to above, or it looks at nothing.
+    let tree = tree_of(&metadata, text(&member(&metadata, "server")["id"]));
+    assert!(
+        tree.iter().any(|id| is_impure(names[id])),
+        "the walk finds no zenoh in the server"
+    );
+}
+
+#[test]
+fn pure_code_asks_no_clock_starts_no_thread_and_touches_no_file() {
+    let metadata = metadata(&["--no-deps"]);
+    let mut wrong = Vec::new();
+    for package in pure_members(&metadata) {
+        let folder = Path::new(text(&package["manifest_path"]))
+            .parent()
+            .unwrap()
+            .join("src");
+        for file in rust_files(&folder) {
+            let source = fs::read_to_string(&file).unwrap();
+            wrong.extend(
+                impurities(&source)
+                    .iter()
+                    .map(|word| format!("{}: {word}", file.display())),
+            );
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+#[test]
+fn the_search_for_impurities_finds_them_and_leaves_tests_and_comments_alone() {
+    let found = |source: &str| impurities(source).join(" ");
+    assert_eq!(found("let t = std::time::Instant::now();"), "Instant::now");
+    assert_eq!(found("use std::fs;"), "std::fs");
+    assert_eq!(
+        found("use std::{\n    fmt,\n    fs::File,\n};"),
+        "std::{fs}"
+    );
+    assert_eq!(
+        found("use std::{collections::{BTreeMap}, thread};"),
+        "std::{thread}"
+    );
+    assert_eq!(
+        found("fn f() { g(); /* never std::net */ } // SystemTime"),
+        ""
+    );
+    assert_eq!(found("/// Not like `Instant::now`.\nfn f() {}"), "");
+    assert_eq!(found("use std::{fmt, ops};\nlet envelope = 1;"), "");
+    assert_eq!(
+        found("fn f() {}\n#[cfg(test)]\nmod tests { use std::fs; }"),
+        ""
+    );
+    assert_eq!(
+        found("#[cfg(test)]\nuse std::fs;\nfn f() { std::net::x(); }"),
+        "std::net"
+    );
+}
+
+/// A feature that only tests switch on makes cargo build every package below it twice, once for `cargo build` and once for
+/// `cargo test`; for zenoh that is minutes.
+#[test]
+fn builds_and_tests_share_one_feature_set() {
+    let build = features("normal,build");
+    let test = features("normal,build,dev");
+    let differing: Vec<String> = build
+        .iter()
+        .filter(|(package, features)| test.get(*package) != Some(features))
+        .map(|(package, features)| {
+            format!(
+                "{package}: {features:?} in builds, {:?} in tests",
+                test.get(package)
+            )
+        })
+        .collect();
+    assert!(differing.is_empty(), "{}", differing.join("\n"));
+    assert!(
+        build.keys().any(|package| package.starts_with("zenoh v")),
+        "zenoh is not in the tree"
+    );
+}
+
+fn is_impure(package: &str) -> bool {
+    IMPURE_PACKAGES.contains(&package) || package.starts_with("zenoh-")
+}
+
+/// Everything that `source` may not say, outside comments and tests.
+fn impurities(source: &str) -> Vec<String> {
+    let code = without_tests(&without_comments(source));
+    let code: String = code.split_whitespace().collect::<Vec<_>>().join(" ");
+    let mut found: Vec<String> = IMPURE_WORDS
+        .iter()
+        .filter(|word| code.contains(**word))
+        .map(|word| (*word).to_owned())
+        .collect();
+    for (start, _) in code.match_indices("std::{") {
+        for name in top_level_names(&code[start + "std::{".len()..]) {
+            if IMPURE_MODULES.contains(&name) {
+                found.push(format!("std::{{{name}}}"));
+            }
+        }
+    }
+    found
+}
+
+/// The first names of a brace's members: `fs` of `fs::File, fmt::{self, Debug}}`.
+fn top_level_names(rest: &str) -> Vec<&str> {
+    let mut depth = 0;
+    let mut names = Vec::new();
+    let mut start = 0;
+    for (index, c) in rest.char_indices() {
+        match c {
+            '{' => depth += 1,
+            ',' if depth == 0 => {
+                names.push(&rest[start..index]);
+                start = index + 1;
+            }
+            '}' if depth == 0 => {
+                names.push(&rest[start..index]);
+                break;
+            }
+            '}' => depth -= 1,
+            _ => {}
+        }
+    }
+    names
+        .into_iter()
+        .map(|name| name.trim().split("::").next().unwrap_or(name))
+        .collect()
+}
+
+fn without_comments(source: &str) -> String {
+    let mut code = String::new();
+    let mut rest = source;
+    while let Some(at) = rest.find("//").into_iter().chain(rest.find("/*")).min() {
+        code.push_str(&rest[..at]);
+        let end = if rest[at..].starts_with("//") {
+            "\n"
+        } else {
+            "*/"
+        };
+        let skipped = rest[at..]
+            .find(end)
+            .map_or(rest.len(), |length| at + length);
+        rest = rest[skipped..]
+            .strip_prefix("*/")
+            .unwrap_or(&rest[skipped..]);
+    }
+    code + rest
+}
+
+/// The source without each item that is compiled for tests alone, whether a module or a single `use`.
+fn without_tests(code: &str) -> String {
+    const MARK: &str = "#[cfg(test)]";
+    let Some((before, item)) = code.split_once(MARK) else {
+        return code.to_owned();
+    };
+    let mut depth = 0;
+    for (index, c) in item.char_indices() {
+        match c {
+            '{' => depth += 1,
+            '}' => depth -= 1,
+            _ => {}
+        }
+        if depth == 0 && matches!(c, '}' | ';') {
+            return before.to_owned() + &without_tests(&item[index + 1..]);
+        }
+    }
+    before.to_owned()
+}
+
+/// Every package that is compiled for this one. What only tests use is left out.
+fn tree_of<'a>(metadata: &'a Value, root: &'a str) -> BTreeSet<&'a str> {
+    let nodes: BTreeMap<&str, &Value> = list(&metadata["resolve"]["nodes"])
+        .iter()
+        .map(|node| (text(&node["id"]), node))
+        .collect();
+    let mut tree = BTreeSet::new();
+    let mut left = vec![root];
+    while let Some(id) = left.pop() {
+        if !tree.insert(id) {
+            continue;
+        }
+        for dependency in list(&nodes[id]["deps"]) {
+            let is_for_tests = list(&dependency["dep_kinds"])
+                .iter()
+                .all(|kind| kind["kind"] == "dev");
+            if !is_for_tests {
+                left.push(text(&dependency["pkg"]));
+            }
+        }
+    }
+    tree
+}
+
+/// The features of each package in the workspace's tree, all sets of them where it is built more than once.
+fn features(edges: &str) -> BTreeMap<String, BTreeSet<String>> {
+    let arguments = [
+        "tree",
+        "--workspace",
+        "--locked",
+        "--edges",
+        edges,
+        "--prefix",
+        "none",
+        "--format",
+        "{p}|{f}",
+    ];
+    let mut features: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
+    for line in answer("cargo", &arguments)
+        .lines()
+        .filter(|line| !line.is_empty())
+    {
+        let line = line.trim_end_matches(" (*)");
+        let (package, set) = line.split_once('|').unwrap();
+        features
+            .entry(package.to_owned())
+            .or_default()
+            .insert(set.to_owned());
+    }
+    features
+}
+
+fn pure_members(metadata: &Value) -> Vec<&Value> {
+    let is_pure = |package: &&Value| {
+        let folder = Path::new(text(&package["manifest_path"])).parent().unwrap();
+        let place = folder.strip_prefix(root()).unwrap_or(folder);
+        package["source"].is_null() && (place.starts_with("crates") || place.starts_with("proto"))
+    };
+    let pure: Vec<&Value> = list(&metadata["packages"]).iter().filter(is_pure).collect();
+    assert!(
+        6 < pure.len(),
+        "crates/ and proto are not where this test looks"
+    );
+    pure
+}
+
+fn member<'a>(metadata: &'a Value, room: &str) -> &'a Value {
+    let name = format!("teleclay-{room}");
+    list(&metadata["packages"])
+        .iter()
+        .find(|package| package["name"] == *name)
+        .unwrap_or_else(|| panic!("there is no {name}"))
+}
+
+fn rust_files(folder: &Path) -> Vec<PathBuf> {
+    let mut files = Vec::new();
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            files.extend(rust_files(&path));
+        } else if path.extension().is_some_and(|extension| extension == "rs") {
+            files.push(path);
+        }
+    }
+    files
+}
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap()
+}
+
+fn metadata(arguments: &[&str]) -> Value {
+    let arguments = [
+        &["metadata", "--format-version", "1", "--locked"],
+        arguments,
+    ]
+    .concat();
+    serde_json::from_str(&answer("cargo", &arguments)).unwrap()
+}
+
+fn host() -> String {
+    let version = answer("rustc", &["-vV"]);
+    version
+        .lines()
+        .find_map(|line| line.strip_prefix("host: "))
+        .unwrap()
+        .to_owned()
+}
+
+fn answer(program: &str, arguments: &[&str]) -> String {
+    let output = Command::new(program)
+        .args(arguments)
+        .current_dir(root())
+        .output()
+        .unwrap();
+    assert!(
+        output.status.success(),
+        "{program} {arguments:?}: {}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+    String::from_utf8(output.stdout).unwrap()
+}
+
+fn list(value: &Value) -> &[Value] {
+    value.as_array().map_or(&[], Vec::as_slice)
+}
+
+fn text(value: &Value) -> &str {
+    value.as_str().unwrap_or_default()
+}
