@@ -119,22 +119,32 @@ pub(crate) fn limits(numerator: &Polynomial, denominator: &Polynomial) -> [f64; 
     if numerator.is_zero() {
         return [0.0, 0.0];
     }
-    let lowest = |p: &Polynomial| p.coefficients()[p.degree() - p.roots_at_origin()];
-    let limit = |excess: std::cmp::Ordering, quotient: f64| match excess {
-        std::cmp::Ordering::Less => 0.0,
-        std::cmp::Ordering::Equal => quotient.abs(),
-        std::cmp::Ordering::Greater => f64::INFINITY,
-    };
+    let grows_towards = [
+        numerator.roots_at_origin() < denominator.roots_at_origin(),
+        denominator.degree() < numerator.degree(),
+    ];
+    let signed = signed_limits(numerator, denominator);
+    std::array::from_fn(|end| {
+        signed[end].map_or(
+            if grows_towards[end] {
+                f64::INFINITY
+            } else {
+                0.0
+            },
+            f64::abs,
+        )
+    })
+}
+
+/// The same limits with their sign, where they are neither zero nor infinite.
+pub(crate) fn signed_limits(numerator: &Polynomial, denominator: &Polynomial) -> [Option<f64>; 2] {
+    if numerator.is_zero() {
+        return [None, None];
+    }
+    let same_at_rest = numerator.roots_at_origin() == denominator.roots_at_origin();
+    let same_far_up = numerator.degree() == denominator.degree();
     [
-        limit(
-            denominator
-                .roots_at_origin()
-                .cmp(&numerator.roots_at_origin()),
-            lowest(numerator) / lowest(denominator),
-        ),
-        limit(
-            numerator.degree().cmp(&denominator.degree()),
-            numerator.leading() / denominator.leading(),
-        ),
+        same_at_rest.then(|| numerator.lowest() / denominator.lowest()),
+        same_far_up.then(|| numerator.leading() / denominator.leading()),
     ]
 }

@@ -230,10 +230,9 @@ impl ClosedLoop {
             return Ok(integrators <= 1);
         }
         let kept = self.n_e.roots_at_origin() + self.n_h.roots_at_origin() + 1;
-        let lowest = |p: &Polynomial| p.coefficients()[p.degree() - p.roots_at_origin()];
         Ok(match integrators.saturating_sub(kept) {
             0 => true,
-            1 => 0.0 < lowest(&self.d) * lowest(&self.c) * lowest(&self.n_e) * lowest(&self.n_h),
+            1 => 0.0 < self.d.lowest() * self.c.lowest() * self.n_e.lowest() * self.n_h.lowest(),
             _ => false,
         })
     }

@@ -66,10 +66,7 @@ impl Features {
         if numerator.is_zero() || denominator.is_zero() {
             return;
         }
-        let lowest = |p: &Polynomial| {
-            let power = p.roots_at_origin();
-            (p.coefficients()[p.degree() - power], power)
-        };
+        let lowest = |p: &Polynomial| (p.lowest(), p.roots_at_origin());
         let highest = |p: &Polynomial| (p.leading(), p.degree());
         for end in [
             (lowest(numerator), lowest(denominator)),

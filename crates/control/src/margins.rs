@@ -3,7 +3,7 @@
 //! These are four different answers. (33) is exact for the loop as it is; (34) is only sufficient, and tight; the
 //! classical margins each move one thing and hold the rest.
 
-use crate::closed_loop::{ClosedLoop, limits};
+use crate::closed_loop::{ClosedLoop, limits, signed_limits};
 use crate::frequency::Mesh;
 use crate::roots::RootsError;
 use std::f64::consts::{PI, TAU};
@@ -43,7 +43,7 @@ pub struct ClassicalMargins {
 pub struct GainMargin {
     /// Factor on `L`, no unit.
     pub factor: f64,
-    /// Phase crossover, rad/s.
+    /// Phase crossover, rad/s; 0 or infinite where the curve begins or ends on the axis.
     pub omega_rad_s: f64,
 }
 
@@ -121,7 +121,7 @@ impl ClosedLoop {
     }
 
     fn classical_margins(&self, mesh: &Mesh) -> ClassicalMargins {
-        let gain_margins: Vec<GainMargin> = mesh
+        let mut gain_margins: Vec<GainMargin> = mesh
             .crossings(|omega| self.gain_at(omega).arg().sin())
             .into_iter()
             .map(|omega| (omega, self.gain_at(omega)))
@@ -132,6 +132,18 @@ impl ClosedLoop {
                 omega_rad_s,
             })
             .collect();
+        // The curve may also begin or end on the negative real axis, where no crossing shows it.
+        for (limit, omega_rad_s) in signed_limits(&self.n_l, &self.d)
+            .into_iter()
+            .zip([0.0, f64::INFINITY])
+        {
+            if let Some(limit) = limit.filter(|limit| *limit < 0.0) {
+                gain_margins.push(GainMargin {
+                    factor: -1.0 / limit,
+                    omega_rad_s,
+                });
+            }
+        }
         let phase = mesh
             .crossings(|omega| self.gain_at(omega).norm().ln())
             .into_iter()

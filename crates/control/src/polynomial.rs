@@ -105,6 +105,12 @@ impl Polynomial {
         self.descending[0]
     }
 
+    /// Coefficient of the lowest power present; 0 for the zero polynomial.
+    #[must_use]
+    pub fn lowest(&self) -> f64 {
+        self.descending[self.degree() - self.roots_at_origin()]
+    }
+
     /// Whether this is the constant 0.
     #[must_use]
     pub fn is_zero(&self) -> bool {
