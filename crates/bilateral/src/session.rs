@@ -4,6 +4,7 @@ use teleclay_clay::{Clay, Material};
 use teleclay_link::conditioner::{Conditioner, Impairment};
 use teleclay_link::safety::NotFinite;
 use teleclay_link::time::Timestamp;
+use teleclay_proto::Scheme;
 use teleclay_proto::frame::{HandleFrame, ToolFrame};
 
 use crate::tool_side::{Permission, ToolSide, ToolStep};
@@ -123,18 +124,31 @@ impl SessionLoop {
         }
     }
 
-    /// A fresh block: tools go to where their handles are, without cutting. Clears a fault. Returns the old clay, to be dropped
-    /// elsewhere.
-    pub fn replace_clay(&mut self, clay: Clay) -> Clay {
+    /// A fresh block: tools go to where their handles are, without cutting. Clears a fault. Leaves the old clay in `clay`,
+    /// to be dropped elsewhere.
+    pub fn swap_clay(&mut self, clay: &mut Clay) {
         self.fault = None;
         for side in self
             .places
             .iter_mut()
             .filter_map(|place| place.side.as_mut())
         {
+            side.clear_fault();
             side.reindex();
         }
-        std::mem::replace(&mut self.clay, clay)
+        std::mem::swap(&mut self.clay, clay);
+    }
+
+    /// Changes the scheme of every tool. A tool whose scheme cannot be had keeps its own; ask for its name afterwards.
+    pub fn change_scheme(&mut self, scheme: Scheme) {
+        for side in self
+            .places
+            .iter_mut()
+            .filter_map(|place| place.side.as_mut())
+        {
+            // Checked where the wish came in; here only the old scheme going on is left.
+            let _ = side.change_scheme(scheme);
+        }
     }
 
     /// Changes what the clay is made of.

@@ -276,6 +276,11 @@ impl ToolSide {
         self.fault
     }
 
+    /// Starts afresh after a fault, with a fresh block.
+    pub(crate) fn clear_fault(&mut self) {
+        self.fault = None;
+    }
+
     /// Counts of what came from the handle side.
     pub fn arrivals(&self) -> ArrivalCounts {
         self.arrivals.counts()

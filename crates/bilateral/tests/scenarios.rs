@@ -123,7 +123,7 @@ fn without_delay_the_tool_stands_where_the_handle_is() {
 /// `v_i = f_h / (B + rho B_i)` with `B_i` from viscosity and engaged area of the real clay: 20, 40, 60 N s/m.
 #[test]
 fn the_cutting_experiment_reaches_the_papers_plateaus() {
-    let mut rig = fig_7(2.0, Lines::default(), 0.0);
+    let mut rig = fig_7(2.0, Lines::default(), -0.001);
     let mut plateaus = [(0.0, 0_u32, f64::MAX, 0.0_f64); 3];
     for _ in 0..4000 {
         rig.tick();
@@ -227,7 +227,7 @@ fn a_cut_line_releases_the_hand_and_stops_the_tool() {
     let mut rig = carving(cutting(), both_ways(delayed_by_millis(20)));
     let tugs = (0..10_000).any(|_| {
         rig.tick();
-        0.5 < rig.last().felt_force_n[0].abs()
+        0.2 < rig.last().felt_force_n[0].abs()
     });
     assert!(tugs, "never cut: {:?}", rig.last());
 
