@@ -2,24 +2,27 @@
 //! that stand in `code`. Addresses on the web are left alone, since a check must not depend on other people's machines.
 
 use std::collections::{HashMap, HashSet};
-use std::ffi::OsStr;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use pulldown_cmark::{Event, Options, Parser, Tag, TagEnd};
 
-/// Folders that hold nothing of ours, or nothing that a clone has.
-const NOT_OURS: [&str; 5] = [".git", "target", "node_modules", "dist", ".venv"];
+use super::files::{NOT_OURS, files_of_ours};
 
 /// What leads nowhere, one sentence each.
 pub(super) fn check(root: &Path) -> Result<Vec<String>> {
     let mut pages = HashMap::new();
-    for path in markdown_files(root)? {
+    for path in files_of_ours(root, &["md"])? {
         let text = fs::read_to_string(&path)
             .with_context(|| format!("{} cannot be read", path.display()))?;
         pages.insert(path, Page::parse(&text));
     }
+    ensure!(
+        !pages.is_empty(),
+        "there is no documentation in {}",
+        root.display()
+    );
     let mut wrong = Vec::new();
     for (path, page) in &pages {
         let folder = path.parent().unwrap_or(root);
@@ -139,29 +142,6 @@ fn anchor(heading: &str) -> String {
     kept.flat_map(char::to_lowercase)
         .map(|c| if c == ' ' { '-' } else { c })
         .collect()
-}
-
-fn markdown_files(root: &Path) -> Result<Vec<PathBuf>> {
-    // As `canonicalize` names them, so that targets can be looked up.
-    let mut left = vec![
-        root.canonicalize()
-            .with_context(|| format!("{} does not exist", root.display()))?,
-    ];
-    let mut files = Vec::new();
-    while let Some(folder) = left.pop() {
-        let entries = fs::read_dir(&folder)
-            .with_context(|| format!("{} cannot be read", folder.display()))?;
-        for entry in entries {
-            let entry = entry?;
-            let is_ours = !NOT_OURS.iter().any(|name| entry.file_name() == *name);
-            if entry.file_type()?.is_dir() && is_ours {
-                left.push(entry.path());
-            } else if entry.path().extension() == Some(OsStr::new("md")) {
-                files.push(entry.path());
-            }
-        }
-    }
-    Ok(files)
 }
 
 #[cfg(test)]

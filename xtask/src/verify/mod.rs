@@ -1,6 +1,8 @@
 //! `cargo verify`: every check of every language, in the order in which a mistake shows soonest.
 
+mod citations;
 mod compose;
+mod files;
 mod image;
 mod links;
 mod steps;

@@ -5,7 +5,7 @@ use std::process::Command;
 
 use anyhow::{Context, Result, bail, ensure};
 
-use super::{compose, image, links};
+use super::{citations, compose, image, links};
 use crate::process::{Interrupt, command, run};
 use crate::tools::{answer, require_node};
 use crate::workspace::{Workspace, cargo, root};
@@ -35,7 +35,7 @@ pub(super) const STEPS: [Step; 14] = [
     },
     Step {
         name: "links",
-        what: "links in the documentation lead somewhere",
+        what: "what documentation and comments point at is there",
         run: links_step,
     },
     Step {
@@ -115,7 +115,9 @@ fn format(_: &Workspace, interrupt: &Interrupt) -> Result<()> {
 }
 
 fn links_step(_: &Workspace, _: &Interrupt) -> Result<()> {
-    report("broken links", links::check(root())?)
+    let mut wrong = links::check(root())?;
+    wrong.extend(citations::check(root())?);
+    report("broken pointers", wrong)
 }
 
 fn docker(workspace: &Workspace, _: &Interrupt) -> Result<()> {
