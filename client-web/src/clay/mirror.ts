@@ -40,6 +40,11 @@ export class ClayMirror {
     return undefined;
   }
 
+  /** Calls every brick stale: somebody needs all of the surface. */
+  markAll(): void {
+    for (let i = 0; i < this.#bricks.length; i += 1) this.#stale.add(i);
+  }
+
   coordinates(index: number): [number, number, number] {
     const [nx, ny] = this.perAxis;
     return [index % nx, Math.floor(index / nx) % ny, Math.floor(index / (nx * ny))];
@@ -63,7 +68,7 @@ export class ClayMirror {
     const [nx, ny, nz] = this.perAxis;
     this.#bricks = new Array<Uint8Array>(nx * ny * nz).fill(EMPTY);
     this.#stale.clear();
-    for (let i = 0; i < this.#bricks.length; i += 1) this.#stale.add(i);
+    this.markAll();
   }
 
   #replace(update: BrickUpdate): void {

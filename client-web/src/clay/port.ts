@@ -2,6 +2,11 @@
 
 import type { BrickMesh } from "./surface";
 
+export type ToWorker =
+  | { readonly type: "bricks"; readonly bytes: ArrayBuffer }
+  /** A new view: it holds no mesh yet. */
+  | { readonly type: "everything" };
+
 export interface MeshedBrick {
   readonly index: number;
   /** Nothing: the brick has no surface. */

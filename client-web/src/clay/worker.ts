@@ -5,7 +5,7 @@ import { BRICK_EDGE } from "../protocol/packing";
 import { coarse } from "./coarse";
 import { ClayMirror } from "./mirror";
 import { Neighbourhood } from "./neighbourhood";
-import type { ClayUpdate, MeshedBrick } from "./port";
+import type { ClayUpdate, MeshedBrick, ToWorker } from "./port";
 import { SurfaceFinder } from "./surface";
 
 /** Meshes are handed over this often, ms, so that a whole new block appears piece by piece and messages get their turn. */
@@ -17,16 +17,23 @@ const finder = new SurfaceFinder();
 let regridded = false;
 let working = false;
 
-self.onmessage = (event: MessageEvent<ArrayBuffer>): void => {
-  try {
-    regridded = mirror.apply(decodeBricks(event.data)) || regridded;
-  } catch (error) {
-    post({ type: "undecodable", reason: error instanceof Error ? error.message : String(error) });
-  }
+self.onmessage = ({ data }: MessageEvent<ToWorker>): void => {
+  if (data.type === "everything") {
+    mirror.markAll();
+    regridded = 0 < mirror.voxel_size_m;
+  } else takeIn(data.bytes);
   if (working) return;
   working = true;
   continueLater();
 };
+
+function takeIn(bytes: ArrayBuffer): void {
+  try {
+    regridded = mirror.apply(decodeBricks(bytes)) || regridded;
+  } catch (error) {
+    post({ type: "undecodable", reason: error instanceof Error ? error.message : String(error) });
+  }
+}
 
 /** Yields once, so that messages already queued are taken in before any of their bricks is meshed. */
 function continueLater(): void {

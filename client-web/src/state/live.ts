@@ -11,6 +11,7 @@ import { Edits } from "./edits";
 import { History } from "./history";
 import type { Platform } from "./platform";
 import { type Quality, QualityTrend } from "./quality";
+import { sharing } from "./sharing";
 
 const EVENTS_KEPT = 50;
 
@@ -122,7 +123,11 @@ export class Live {
   }
 
   #adopt(outcome: Outcome): void {
-    if (outcome.kind === "done" && outcome.session !== undefined) this.#session.value = outcome.session;
+    if (outcome.kind === "done" && outcome.session !== undefined) this.#show(outcome.session);
+  }
+
+  #show(session: Session): void {
+    this.#session.value = sharing(this.#session.peek(), session);
   }
 
   #startOver(): void {
@@ -142,7 +147,7 @@ export class Live {
           return;
         case "state":
           batch(() => {
-            this.#session.value = message.session;
+            this.#show(message.session);
             this.#quality.value = this.#trend.add(message.session);
           });
           return;

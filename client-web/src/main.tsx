@@ -1,0 +1,15 @@
+import { render } from "preact";
+import { App } from "./ui/app";
+import { followAddress } from "./ui/pages";
+import { start } from "./ui/store";
+import "./ui/style/theme.css";
+import "./ui/style/shell.css";
+import "./ui/style/live.css";
+import "./ui/style/controls.css";
+import { followTheme } from "./ui/theme";
+
+followTheme();
+followAddress();
+start();
+const host = document.getElementById("app");
+if (host !== null) render(<App />, host);

@@ -1,0 +1,229 @@
+// The 3-D view: camera, renderer and the things in it. It draws when something changed, at most once per display frame.
+
+import * as THREE from "three";
+import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
+import type { Meshes } from "../clay/port";
+import type { ToolShape, Vector } from "../protocol/session";
+import { Arrow } from "./arrow";
+import { ClayMesh } from "./clay_mesh";
+import { Pace } from "./pace";
+import { Stage, type StageColours } from "./stage";
+import { ToolModel } from "./tool_model";
+import { Trail } from "./trail";
+
+export interface ViewColours extends StageColours {
+  readonly hand: string;
+  readonly felt: string;
+  readonly tool: string;
+}
+
+/** The block on show: metres, in the clay's frame. */
+export interface BlockDescription {
+  readonly voxel_size_m: number;
+  readonly size_m: Vector;
+  /** Heights of the fresh block's level faces and where its steps stand along x. */
+  readonly heights_m: readonly number[];
+  readonly steps_m: readonly number[];
+}
+
+/** One moment, in the clay's frame. */
+export interface Pose {
+  readonly tool_m: Vector;
+  /** Where the handle would have the tool. */
+  readonly handle_m: Vector;
+  readonly toolForce_n: Vector;
+  readonly feltForce_n: Vector;
+}
+
+/** Where to look from: a direction, from the block's centre. */
+export const LOOKS = {
+  corner: [-0.62, -1, 0.72],
+  front: [0, -1, 0.12],
+  side: [1, -0.02, 0.12],
+  top: [0, -0.02, 1],
+} as const;
+export type Look = keyof typeof LOOKS;
+
+const MM_PER_M = 1000;
+const FIELD_OF_VIEW_DEG = 28;
+
+export class ClayView {
+  readonly #renderer: THREE.WebGLRenderer;
+  readonly #scene = new THREE.Scene();
+  readonly #camera = new THREE.PerspectiveCamera(FIELD_OF_VIEW_DEG, 1, 5, 5000);
+  readonly #orbit: OrbitControls;
+  readonly #stage = new Stage();
+  readonly #clay = new ClayMesh();
+  readonly #tool: ToolModel;
+  readonly #toolForce = new Arrow();
+  readonly #feltForce = new Arrow();
+  readonly #trail = new Trail();
+  readonly #pace = new Pace();
+  readonly #at = { tool: new THREE.Vector3(), handle: new THREE.Vector3(), force: new THREE.Vector3() };
+  #size = new THREE.Vector3(128, 64, 64);
+  #toolTop_mm = 0;
+  #width = 1;
+  #height = 1;
+  #devicePixels = 1;
+  #changed = true;
+  #look: Look | undefined = "corner";
+
+  /** Throws when the browser has no WebGL. */
+  constructor(canvas: HTMLCanvasElement) {
+    this.#renderer = new THREE.WebGLRenderer({ canvas, antialias: true, powerPreference: "high-performance" });
+    this.#renderer.shadowMap.enabled = true;
+    this.#renderer.shadowMap.autoUpdate = false;
+    this.#renderer.toneMapping = THREE.AgXToneMapping;
+    this.#renderer.toneMappingExposure = 1.25;
+    this.#tool = new ToolModel(this.#renderer);
+    this.#camera.up.set(0, 0, 1);
+    this.#orbit = new OrbitControls(this.#camera, canvas);
+    this.#orbit.enableDamping = true;
+    this.#orbit.dampingFactor = 0.12;
+    this.#orbit.minDistance = 20;
+    this.#orbit.maxDistance = 1500;
+    this.#orbit.addEventListener("change", this.#onMove);
+    this.#orbit.addEventListener("start", this.#onGrab);
+    this.#scene.add(this.#stage.group, this.#clay.mesh, this.#tool.group, this.#trail.line);
+    this.#scene.add(this.#toolForce.group, this.#feltForce.group);
+    this.look("corner");
+  }
+
+  get triangles(): number {
+    return this.#clay.triangles;
+  }
+
+  /** Share of the screen's resolution that is drawn: below 1 where the graphics card is slow. */
+  get resolution(): number {
+    return this.#pace.scale;
+  }
+
+  applyClay(update: Meshes): void {
+    this.#clay.apply(update);
+    this.#touch();
+  }
+
+  setBlock(block: BlockDescription): void {
+    const perVoxel = 1 / block.voxel_size_m;
+    const voxels = new THREE.Vector3(...block.size_m).multiplyScalar(perVoxel);
+    this.#clay.setBlock({
+      size: voxels,
+      heights: block.heights_m.map((z) => z * perVoxel),
+      steps: block.steps_m.map((x) => x * perVoxel),
+    });
+    const size = new THREE.Vector3(...block.size_m).multiplyScalar(MM_PER_M);
+    if (!size.equals(this.#size)) {
+      this.#size = size;
+      this.#stage.fit(size);
+      this.look(this.#look ?? "corner");
+    }
+    this.#touch();
+  }
+
+  setTool(shape: ToolShape): void {
+    const mm = (metres: number): number => metres * MM_PER_M;
+    this.#tool.setSize(shape.kind === "ball"
+      ? { kind: "ball", radius: mm(shape.radius_m) }
+      : { kind: "blade", width: mm(shape.width_m), height: mm(shape.height_m), thickness: mm(shape.thickness_m) });
+    this.#toolTop_mm = shape.kind === "ball" ? 0 : mm(shape.height_m) / 2;
+    this.#touch();
+  }
+
+  /** Tool, ghost and arrows; nothing when nobody holds the tool. */
+  setPose(pose: Pose | undefined, mm_per_n: number): void {
+    this.#touch();
+    if (pose === undefined) {
+      this.#tool.hide();
+      this.#toolForce.hide();
+      this.#feltForce.hide();
+      return;
+    }
+    const { tool, handle, force } = this.#at;
+    tool.set(...pose.tool_m).multiplyScalar(MM_PER_M);
+    handle.set(...pose.handle_m).multiplyScalar(MM_PER_M);
+    this.#tool.place(tool, handle);
+    force.set(...pose.toolForce_n);
+    tool.z += this.#toolTop_mm;
+    handle.z += this.#toolTop_mm;
+    this.#toolForce.point(tool, force, force.length() * mm_per_n);
+    force.set(...pose.feltForce_n);
+    this.#feltForce.point(handle, force, force.length() * mm_per_n);
+  }
+
+  /** Where the tool has been: x, y, z in m one after the other, oldest first. */
+  setTrail(points_m: readonly number[]): void {
+    this.#trail.set(points_m, 0);
+    this.#changed = true;
+  }
+
+  setColours(colours: ViewColours, dark: boolean): void {
+    this.#scene.background = new THREE.Color(colours.background);
+    this.#stage.colour(colours, dark);
+    this.#tool.setColour(colours.hand);
+    this.#toolForce.setColour(colours.tool);
+    this.#feltForce.setColour(colours.felt);
+    this.#trail.setColour(colours.tool);
+    this.#changed = true;
+  }
+
+  /** Looks at the whole block from one side. */
+  look(from: Look): void {
+    this.#look = from;
+    const centre = this.#size.clone().multiplyScalar(0.5);
+    const half = THREE.MathUtils.degToRad(FIELD_OF_VIEW_DEG / 2);
+    // A narrow picture needs more room: the block is wider than it is tall.
+    const distance = (this.#size.length() * 0.55) / Math.tan(half) / Math.min(1, this.#camera.aspect * 0.82);
+    this.#orbit.target.copy(centre);
+    this.#camera.position.copy(new THREE.Vector3(...LOOKS[from]).normalize().multiplyScalar(distance).add(centre));
+    this.#orbit.update();
+    this.#changed = true;
+  }
+
+  /** Size of the canvas in CSS pixels. */
+  resize(width: number, height: number, devicePixels: number): void {
+    this.#width = Math.max(width, 1);
+    this.#height = Math.max(height, 1);
+    this.#devicePixels = devicePixels;
+    this.#camera.aspect = this.#width / this.#height;
+    this.#camera.updateProjectionMatrix();
+    this.#fitCanvas();
+    if (this.#look !== undefined) this.look(this.#look);
+  }
+
+  /** Draws if anything changed since the last time; returns whether it did. */
+  draw(now_ms: number): boolean {
+    this.#orbit.update();
+    if (!this.#changed) return false;
+    this.#changed = false;
+    this.#renderer.render(this.#scene, this.#camera);
+    if (this.#pace.add(now_ms)) this.#fitCanvas();
+    return true;
+  }
+
+  dispose(): void {
+    this.#orbit.dispose();
+    for (const owner of [this.#stage, this.#clay, this.#tool, this.#toolForce, this.#feltForce, this.#trail]) owner.dispose();
+    this.#renderer.dispose();
+  }
+
+  readonly #onMove = (): void => {
+    this.#changed = true;
+  };
+
+  /** Once somebody has turned the view, it is theirs: it no longer follows the window's size. */
+  readonly #onGrab = (): void => {
+    this.#look = undefined;
+  };
+
+  /** Something that casts a shadow has moved. */
+  #touch(): void {
+    this.#changed = true;
+    this.#renderer.shadowMap.needsUpdate = true;
+  }
+
+  #fitCanvas(): void {
+    this.#renderer.setPixelRatio(Math.min(this.#devicePixels, 2) * this.#pace.scale);
+    this.#renderer.setSize(this.#width, this.#height, false);
+    this.#changed = true;
+  }
+}

@@ -1,0 +1,45 @@
+// The browser as state/ wants to see it: sockets, requests, timers.
+
+import type { Answer, Platform, Socket, SocketEvents } from "../state/platform";
+
+/** A request that takes longer has failed: the server answers in milliseconds. */
+const REQUEST_MS = 5000;
+
+export const browser: Platform = {
+  now_ms: () => performance.now(),
+  random: () => Math.random(),
+  after: (delay_ms, run) => {
+    const timer = setTimeout(run, delay_ms);
+    return () => clearTimeout(timer);
+  },
+  connect,
+  request,
+};
+
+function connect(path: string, subprotocol: string, events: SocketEvents): Socket {
+  const url = new URL(path, document.baseURI);
+  url.protocol = url.protocol === "https:" ? "wss:" : "ws:";
+  const socket = new WebSocket(url, subprotocol);
+  socket.binaryType = "arraybuffer";
+  socket.onopen = () => events.onOpen();
+  socket.onclose = () => events.onClose();
+  socket.onmessage = ({ data }: MessageEvent<string | ArrayBuffer>) => {
+    if (typeof data === "string") events.onText(data);
+    else events.onBinary(data);
+  };
+  return {
+    send: (text) => {
+      if (socket.readyState === WebSocket.OPEN) socket.send(text);
+    },
+    close: () => socket.close(),
+  };
+}
+
+async function request(method: "GET" | "POST" | "PATCH", path: string, body?: unknown): Promise<Answer> {
+  const response = await fetch(new URL(path, document.baseURI), {
+    method,
+    signal: AbortSignal.timeout(REQUEST_MS),
+    ...(body === undefined ? {} : { headers: { "content-type": "application/json" }, body: JSON.stringify(body) }),
+  });
+  return { status: response.status, body: await response.text() };
+}

@@ -1,0 +1,26 @@
+import { describe, expect, it } from "vitest";
+import { count, DASH, duration, fixed, parseNumber, plain, significant } from "./format";
+
+describe("numbers", () => {
+  it("keep their places and have one zero", () => {
+    expect([1.005, -0.0004, -2, undefined, Number.NaN].map((n) => fixed(n, 2))).toEqual(["1.00", "0.00", "−2.00", DASH, DASH]);
+    expect([0, 0.01234, 12.34, 1234, -0.5].map((n) => significant(n))).toEqual(["0", "0.0123", "12.3", "1234", "−0.500"]);
+    expect(count(1234567)).toBe("1 234 567");
+  });
+
+  it("show durations in the unit that suits them", () => {
+    expect([undefined, 5e-6, 0.0123, 2].map((s) => duration(s))).toEqual([
+      { text: DASH, unit: "ms" }, { text: "5.00", unit: "µs" }, { text: "12.3", unit: "ms" }, { text: "2.00", unit: "s" },
+    ]);
+  });
+
+  it("are read as they are typed, and nothing else is read as one", () => {
+    expect(["12", " 0,5 ", "2e5", "-3", "−3", ".5"].map(parseNumber)).toEqual([12, 0.5, 2e5, -3, -3, 0.5]);
+    expect(["", "abc", "1.2.3", "NaN", "Infinity", "0x10", "1e999"].map(parseNumber)).toEqual(Array(7).fill(undefined));
+  });
+
+  it("stand in fields as they would be typed", () => {
+    expect([0, 0.05, 2e5, 2e6, 1234567, 5e-4].map(plain)).toEqual(["0", "0.05", "200000", "2e6", "1.235e6", "5e-4"]);
+    for (const value of [0.05, 2e5, 2e6, 5e-4]) expect(parseNumber(plain(value))).toBe(value);
+  });
+});

@@ -1,0 +1,48 @@
+// Numbers as an instrument shows them: a fixed number of places, a true minus sign, a dash where there is nothing.
+
+export const DASH = "–";
+
+/** With `places` after the point. */
+export function fixed(value: number | undefined, places: number): string {
+  if (value === undefined || !Number.isFinite(value)) return DASH;
+  const text = value.toFixed(places);
+  // A rounded −0.00 is 0.00.
+  return (Number(text) === 0 ? text.replace("-", "") : text).replace("-", "−");
+}
+
+/** Three digits that matter, for quantities that range over decades. */
+export function significant(value: number | undefined, digits = 3): string {
+  if (value === undefined || !Number.isFinite(value)) return DASH;
+  if (value === 0) return "0";
+  const places = digits - 1 - Math.floor(Math.log10(Math.abs(value)));
+  return fixed(value, Math.min(Math.max(places, 0), 6));
+}
+
+/** Seconds in the unit that suits them. */
+export function duration(seconds: number | undefined): { text: string; unit: string } {
+  if (seconds === undefined || !Number.isFinite(seconds)) return { text: DASH, unit: "ms" };
+  if (seconds < 1e-3) return { text: significant(seconds * 1e6), unit: "µs" };
+  if (seconds < 1) return { text: significant(seconds * 1e3), unit: "ms" };
+  return { text: significant(seconds), unit: "s" };
+}
+
+/** Thousands apart, so that 1234567 can be read. */
+export function count(value: number): string {
+  return Math.round(value).toLocaleString("en").replaceAll(",", " ");
+}
+
+/** A number that a person typed; nothing when it is none. Accepts a comma for the point and 2e5. */
+export function parseNumber(text: string): number | undefined {
+  const trimmed = text.trim().replace("−", "-").replace(",", ".");
+  if (!/^[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?$/i.test(trimmed)) return undefined;
+  const value = Number(trimmed);
+  return Number.isFinite(value) ? value : undefined;
+}
+
+/** A setting as it stands in its field: no more digits than it has. */
+export function plain(value: number): string {
+  if (value !== 0 && (Math.abs(value) < 1e-3 || 1e6 <= Math.abs(value))) {
+    return value.toExponential(3).replace(/\.?0+e/, "e").replace("e+", "e");
+  }
+  return String(Number(value.toPrecision(6)));
+}

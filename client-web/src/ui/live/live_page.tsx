@@ -1,0 +1,18 @@
+// The Live page: the clay being cut, what hand and tool do, how the connection is, and every control.
+
+import type { JSX } from "preact";
+import { ClayPanel } from "./clay_panel";
+import { Controls } from "./controls";
+import { PlotsPanel } from "./plots_panel";
+import { QualityPanel } from "./quality_panel";
+
+export function LivePage(): JSX.Element {
+  return (
+    <div class="live">
+      <ClayPanel />
+      <PlotsPanel />
+      <QualityPanel />
+      <Controls />
+    </div>
+  );
+}

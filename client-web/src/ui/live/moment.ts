@@ -1,0 +1,45 @@
+// One moment of the loop, for the picture: from telemetry, which is newer than the session's state.
+
+import type { ClayShape, Session, ToolState, Vector } from "../../protocol/session";
+import { Channel } from "../../protocol/telemetry";
+import type { History } from "../../state/history";
+import type { BlockDescription, Pose } from "../../scene/view";
+
+export function poseOf(session: Session, tool: ToolState, history: History): Pose {
+  if (history.isEmpty) {
+    return {
+      tool_m: tool.position_m,
+      handle_m: inClay(session, tool, tool.handle_position_m),
+      toolForce_n: tool.force_n,
+      feltForce_n: tool.felt_force_n,
+    };
+  }
+  return {
+    tool_m: history.latestVector(Channel.tool_position_m),
+    handle_m: inClay(session, tool, history.latestVector(Channel.handle_position_m)),
+    toolForce_n: history.latestVector(Channel.tool_force_n),
+    feltForce_n: history.latestVector(Channel.felt_force_n),
+  };
+}
+
+/** Where a handle position puts the tool, in the clay's frame. */
+export function inClay(session: Session, tool: ToolState, handle_m: Vector): Vector {
+  const { home_m } = tool;
+  const ratio = session.position_ratio;
+  return [home_m[0] + ratio * handle_m[0], home_m[1] + ratio * handle_m[1], home_m[2] + ratio * handle_m[2]];
+}
+
+/** The fresh block, as far as the picture needs it. */
+export function blockOf(shape: ClayShape, voxel_size_m: number): BlockDescription {
+  if (shape.kind === "block") {
+    const size_m: Vector = shape.size_m ?? [0, 0, 0];
+    return { voxel_size_m, size_m, heights_m: [size_m[2]], steps_m: [0, size_m[0]] };
+  }
+  const { edges_m = [], depths_of_cut_m = [], base_m = 0, width_m = 0 } = shape;
+  const size_m: Vector = [edges_m.at(-1) ?? 0, width_m, base_m + Math.max(0, ...depths_of_cut_m)];
+  return { voxel_size_m, size_m, heights_m: depths_of_cut_m.map((depth) => base_m + depth), steps_m: edges_m };
+}
+
+export function length(vector: Vector): number {
+  return Math.hypot(...vector);
+}
