@@ -1,4 +1,4 @@
-//! Joining and leaving: queries with JSON both ways.
+//! Joining, leaving and asking for a fresh block: queries with JSON both ways.
 //!
 //! A handle asks on `…/join`, gets a lease and everything it needs to run its side of the loop, and then sends frames under
 //! that lease. A lease lives as long as frames come and ends `lease_s` after the last one.
@@ -114,6 +114,30 @@ pub enum LeaveReply {
     NoSuchLease,
 }
 
+/// Asks for a fresh block in place of the one that was cut: the same shape, the same material. Allowed to whoever holds a lease.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FreshRequest {
+    /// The lease.
+    pub lease: u32,
+}
+
+/// What the server says to a [`FreshRequest`].
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(tag = "outcome", rename_all = "snake_case", deny_unknown_fields)]
+pub enum FreshReply {
+    /// The block is fresh.
+    Fresh {
+        /// Counts the fresh blocks, as [`ClayDescription::epoch`] does.
+        epoch: u32,
+    },
+    /// The block stays as it is.
+    Refused {
+        /// Why, for people.
+        reason: String,
+    },
+}
+
 /// How to run the loop; both sides run the same. The answer to a query of `…/parameters`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
@@ -130,9 +154,9 @@ pub struct LoopParameters {
     pub virtual_mass_kg: f64,
     /// `B` of `C_h1`, N·s/m.
     pub virtual_damping_n_s_per_m: f64,
-    /// Tool displacement per handle displacement, `A_h1` of [KHMH03].
+    /// Tool displacement per handle displacement, `A_h1` of \[KHMH03\].
     pub position_ratio: f64,
-    /// Tool force per hand force, a magnitude: `A_h2` of [KHMH03] is its negative.
+    /// Tool force per hand force, a magnitude: `A_h2` of \[KHMH03\] is its negative.
     pub force_ratio: f64,
     /// `M_t` of `G_t = 1 / (M_t s² + B_t s + K_t)`, kg.
     pub tool_mass_kg: f64,
@@ -163,7 +187,7 @@ pub struct LoopParameters {
 }
 
 impl Default for LoopParameters {
-    /// The controller and tool of [KHMH03] and the default block of clay.
+    /// The controller and tool of \[KHMH03\] and the default block of clay.
     fn default() -> Self {
         Self {
             revision: 0,
@@ -239,6 +263,18 @@ impl Validate for LeaveRequest {
 }
 
 impl Validate for LeaveReply {
+    fn validate(&self) -> Result<(), FieldError> {
+        Ok(())
+    }
+}
+
+impl Validate for FreshRequest {
+    fn validate(&self) -> Result<(), FieldError> {
+        Ok(())
+    }
+}
+
+impl Validate for FreshReply {
     fn validate(&self) -> Result<(), FieldError> {
         Ok(())
     }

@@ -10,6 +10,7 @@
 //! | `…/tool/<tool>/down` | publication | [`ToolFrame`](crate::frame::ToolFrame) |
 //! | `…/clay/bricks` | publication | bricks that changed, [`watch`](crate::watch) |
 //! | `…/clay/snapshot` | query | answers with every brick, [`watch`](crate::watch) |
+//! | `…/clay/fresh` | query | [`FreshRequest`](crate::join::FreshRequest) |
 //! | `…/state` | publication | [`Session`](crate::http::Session) |
 //! | `…/operator/<lease>` | liveliness token | an operator is there |
 
@@ -47,6 +48,8 @@ pub enum Leaf {
     ClayBricks,
     /// Query for every brick.
     ClaySnapshot,
+    /// Query that asks for a fresh block.
+    ClayFresh,
     /// The session as slow JSON.
     State,
     /// Liveliness of the operator who holds a lease.
@@ -125,6 +128,12 @@ impl SessionKeys {
     #[must_use]
     pub fn clay_snapshot(&self) -> String {
         self.key(Leaf::ClaySnapshot)
+    }
+
+    /// `…/clay/fresh`
+    #[must_use]
+    pub fn clay_fresh(&self) -> String {
+        self.key(Leaf::ClayFresh)
     }
 
     /// `…/state`
@@ -251,6 +260,7 @@ impl fmt::Display for Leaf {
             Self::ToolDown(tool) => write!(f, "tool/{tool}/down"),
             Self::ClayBricks => f.write_str("clay/bricks"),
             Self::ClaySnapshot => f.write_str("clay/snapshot"),
+            Self::ClayFresh => f.write_str("clay/fresh"),
             Self::State => f.write_str("state"),
             Self::Operator(lease) => write!(f, "operator/{lease}"),
         }
@@ -266,6 +276,7 @@ fn parse_leaf(key: &str, parts: &[&str]) -> Result<Leaf, KeyError> {
         ["tool", tool, "down"] => Ok(Leaf::ToolDown(parse_number(key, tool)?)),
         ["clay", "bricks"] => Ok(Leaf::ClayBricks),
         ["clay", "snapshot"] => Ok(Leaf::ClaySnapshot),
+        ["clay", "fresh"] => Ok(Leaf::ClayFresh),
         ["state"] => Ok(Leaf::State),
         ["operator", lease] => Ok(Leaf::Operator(parse_number(key, lease)?)),
         _ => Err(KeyError::Unknown {

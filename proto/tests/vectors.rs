@@ -16,7 +16,9 @@ use serde_json::Value;
 use teleclay_proto::FrameError;
 use teleclay_proto::frame::{HandleFrame, MAX_FRAME, ToolFrame};
 use teleclay_proto::http::{BodyError, NewSession, Validate, parse};
-use teleclay_proto::join::{JoinReply, JoinRequest, LeaveReply, LeaveRequest, LoopParameters};
+use teleclay_proto::join::{
+    FreshReply, FreshRequest, JoinReply, JoinRequest, LeaveReply, LeaveRequest, LoopParameters,
+};
 use teleclay_proto::keys::Key;
 use teleclay_proto::watch::{
     BRICK_VOXELS, BricksView, BricksWriter, ClientText, Message, PackedBrick, ServerText,
@@ -162,6 +164,12 @@ fn texts_parse_and_print_the_same_again() {
     list(&join, "leave_replies")
         .iter()
         .for_each(assert_parses_and_prints::<LeaveReply>);
+    list(&join, "fresh_requests")
+        .iter()
+        .for_each(assert_parses_and_prints::<FreshRequest>);
+    list(&join, "fresh_replies")
+        .iter()
+        .for_each(assert_parses_and_prints::<FreshReply>);
     list(&join, "parameters")
         .iter()
         .for_each(assert_parses_and_prints::<LoopParameters>);

@@ -12,8 +12,8 @@ use teleclay_proto::http::{
     Session, SessionState, TickQuantiles, ToolState, parse,
 };
 use teleclay_proto::join::{
-    ClayDescription, Granted, JoinReply, JoinRequest, LeaveReply, LeaveRequest, LoopParameters,
-    RefusalCode,
+    ClayDescription, FreshReply, FreshRequest, Granted, JoinReply, JoinRequest, LeaveReply,
+    LeaveRequest, LoopParameters, RefusalCode,
 };
 use teleclay_proto::keys::{Key, Leaf, SessionKeys};
 use teleclay_proto::watch::{
@@ -704,11 +704,16 @@ fn join() -> Value {
         reason: "the only tool of session `demo` is held by Ada".to_owned(),
     };
     json!({
-        "about": "joining and leaving",
+        "about": "joining, leaving, and asking for a fresh block",
         "requests": [text("a join", &request), text("a join without a token", &JoinRequest { token: None, ..request })],
         "replies": [text("granted", &JoinReply::Granted(Box::new(granted))), text("refused", &refused)],
         "leave_requests": [text("a leave", &LeaveRequest { lease: 17 })],
         "leave_replies": [text("left", &LeaveReply::Left), text("no such lease", &LeaveReply::NoSuchLease)],
+        "fresh_requests": [text("a fresh block", &FreshRequest { lease: 17 })],
+        "fresh_replies": [
+            text("fresh", &FreshReply::Fresh { epoch: 2 }),
+            text("refused", &FreshReply::Refused { reason: "nobody holds lease 17".to_owned() }),
+        ],
         "parameters": [text("parameters", &LoopParameters { revision: 2, axes: Axes::Three, ..LoopParameters::default() })],
         "new_sessions": [
             text("every default", &NewSession::new(id("demo"))),
@@ -737,6 +742,7 @@ fn keys() -> Value {
         Leaf::ToolDown(u32::MAX),
         Leaf::ClayBricks,
         Leaf::ClaySnapshot,
+        Leaf::ClayFresh,
         Leaf::State,
         Leaf::Operator(17),
     ];
