@@ -71,6 +71,22 @@ pub async fn open(endpoints: &Endpoints) -> Result<Session, NetworkError> {
 pub const CONTROL_QOS: (CongestionControl, Priority, bool, Reliability) =
     (CongestionControl::Drop, Priority::RealTime, true, Reliability::BestEffort);
 
+/// Checks the form of an endpoint; whether anybody is there shows later.
+///
+/// # Errors
+/// The endpoint is not `tcp/ADDRESS:PORT` or `udp/ADDRESS:PORT`.
+pub fn check_endpoint(endpoint: &str) -> Result<(), NetworkError> {
+    let malformed = || NetworkError::Endpoint { got: endpoint.to_owned() };
+    let (protocol, address) = endpoint.split_once('/').ok_or_else(malformed)?;
+    let (host, port) = address.rsplit_once(':').ok_or_else(malformed)?;
+    let is_port = port.parse::<u16>().is_ok();
+    // What a name, an IPv4 address, and a bracketed IPv6 address with its scope are written with; endpoints are quoted into Zenoh's
+    // configuration, so nothing else may pass.
+    let is_host = !host.is_empty()
+        && host.chars().all(|letter| letter.is_ascii_alphanumeric() || ".-_:[]%".contains(letter));
+    if matches!(protocol, "tcp" | "udp") && is_host && is_port { Ok(()) } else { Err(malformed()) }
+}
+
 /// The endpoint `steps` ports above `endpoint`; port 0 (any) stays.
 ///
 /// # Errors
@@ -92,14 +108,6 @@ pub fn is_loopback(endpoint: &str) -> bool {
     let host = address.rsplit_once(':').map_or(address, |(host, _)| host);
     let host = host.trim_start_matches('[').trim_end_matches(']');
     host == "localhost" || host.parse::<std::net::IpAddr>().is_ok_and(|ip| ip.is_loopback())
-}
-
-fn check_endpoint(endpoint: &str) -> Result<(), NetworkError> {
-    let malformed = || NetworkError::Endpoint { got: endpoint.to_owned() };
-    let (protocol, address) = endpoint.split_once('/').ok_or_else(malformed)?;
-    let (host, port) = address.rsplit_once(':').ok_or_else(malformed)?;
-    let is_port = port.parse::<u16>().is_ok();
-    if matches!(protocol, "tcp" | "udp") && !host.is_empty() && is_port { Ok(()) } else { Err(malformed()) }
 }
 
 fn config(endpoints: &Endpoints) -> Result<Config, zenoh::Error> {
@@ -157,7 +165,15 @@ mod tests {
 
     #[test]
     fn malformed_endpoints_are_named() {
-        for bad in ["127.0.0.1:7447", "tcp/127.0.0.1", "http/127.0.0.1:1", "tcp/:7447", "tcp/127.0.0.1:99999"] {
+        for bad in [
+            "127.0.0.1:7447",
+            "tcp/127.0.0.1",
+            "http/127.0.0.1:1",
+            "tcp/:7447",
+            "tcp/127.0.0.1:99999",
+            "tcp/a\",\"b:1",
+            "tcp/a b:1",
+        ] {
             assert!(check_endpoint(bad).unwrap_err().to_string().contains(bad), "{bad}");
         }
         assert!(check_endpoint("udp/[::1]:7447").is_ok());
