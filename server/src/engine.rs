@@ -76,6 +76,8 @@ pub(crate) struct SessionRecord {
     pub(crate) initial_units: u64,
     pub(crate) remaining_units: u64,
     pub(crate) is_paused: bool,
+    /// Frames that left for handles since the session began.
+    pub(crate) frames_sent: u64,
     pub(crate) fault: Option<&'static str>,
     pub(crate) tools: [Option<ToolRecord>; MAX_PLACES],
 }
@@ -113,6 +115,7 @@ pub(crate) struct Running {
     pub(crate) number: u32,
     pub(crate) session: SessionLoop,
     pub(crate) clay_epoch: u32,
+    pub(crate) frames_sent: u64,
     pub(crate) frames: Consumer<Incoming>,
     pub(crate) bricks: Producer<BrickUpdate>,
 }
@@ -127,23 +130,63 @@ impl Running {
     pub(crate) fn new(number: u32, session: SessionLoop) -> (Box<Self>, RunningEnds) {
         let (frames_in, frames_out) = RingBuffer::new(FRAMES_WAITING);
         let (bricks_in, bricks_out) = RingBuffer::new(BRICKS_WAITING);
-        let running = Self { number, session, clay_epoch: 1, frames: frames_out, bricks: bricks_in };
-        (Box::new(running), RunningEnds { frames: frames_in, bricks: bricks_out })
+        let running = Self {
+            number,
+            session,
+            clay_epoch: 1,
+            frames_sent: 0,
+            frames: frames_out,
+            bricks: bricks_in,
+        };
+        (
+            Box::new(running),
+            RunningEnds {
+                frames: frames_in,
+                bricks: bricks_out,
+            },
+        )
     }
 }
 
 /// What the tick is told to do, between two ticks.
 pub(crate) enum Order {
     Add(Box<Running>),
-    Remove { session: u32 },
-    Seat { session: u32, place: usize, side: Box<ToolSide> },
-    Vacate { session: u32, place: usize, lease: u32 },
-    ReplaceClay { session: u32, clay: Box<Clay>, clay_epoch: u32 },
-    SetMaterial { session: u32, material: Material },
-    SetLines { session: u32, lines: Lines },
-    SetScheme { session: u32, scheme: Scheme },
-    Pause { session: u32 },
-    Resume { session: u32 },
+    Remove {
+        session: u32,
+    },
+    Seat {
+        session: u32,
+        place: usize,
+        side: Box<ToolSide>,
+    },
+    Vacate {
+        session: u32,
+        place: usize,
+        lease: u32,
+    },
+    ReplaceClay {
+        session: u32,
+        clay: Box<Clay>,
+        clay_epoch: u32,
+    },
+    SetMaterial {
+        session: u32,
+        material: Material,
+    },
+    SetLines {
+        session: u32,
+        lines: Lines,
+    },
+    SetScheme {
+        session: u32,
+        scheme: Scheme,
+    },
+    Pause {
+        session: u32,
+    },
+    Resume {
+        session: u32,
+    },
 }
 
 /// What the tick is done with; dropped by the collector.
@@ -235,12 +278,22 @@ impl Engine {
         let mut overflowed = 0;
         for running in &mut self.running {
             while let Ok(incoming) = running.frames.pop() {
-                running.session.on_frame(now, incoming.place, incoming.frame);
+                running
+                    .session
+                    .on_frame(now, incoming.place, incoming.frame);
             }
-            let (outgoing, session) = (&mut self.outgoing, running.number);
+            let (outgoing, session, frames_sent) =
+                (&mut self.outgoing, running.number, &mut running.frames_sent);
             running.session.step(now, |place, frame| {
                 leaves = true;
-                let full = outgoing.push(Outgoing { session, place, frame: *frame }).is_err();
+                *frames_sent += 1;
+                let full = outgoing
+                    .push(Outgoing {
+                        session,
+                        place,
+                        frame: *frame,
+                    })
+                    .is_err();
                 overflowed += u64::from(full);
             });
         }
@@ -248,7 +301,10 @@ impl Engine {
             sender.unpark();
         }
         for running in &mut self.running {
-            let turn = running.session.ticks().wrapping_add(u64::from(running.number));
+            let turn = running
+                .session
+                .ticks()
+                .wrapping_add(u64::from(running.number));
             if turn.is_multiple_of(RECORD_EVERY) {
                 overflowed += u64::from(self.sessions.push(record(running, now)).is_err());
             }
@@ -264,7 +320,9 @@ impl Engine {
         overflowed += u64::from(self.ticks.push(record).is_err());
         self.shared.ticks.fetch_add(1, Ordering::Relaxed);
         if 0 < overflowed {
-            self.shared.overflowed.fetch_add(overflowed, Ordering::Relaxed);
+            self.shared
+                .overflowed
+                .fetch_add(overflowed, Ordering::Relaxed);
         }
     }
 
@@ -288,22 +346,50 @@ impl Engine {
             }
             Order::Add(running) => Some(Discarded::Session { _session: running }),
             Order::Remove { session } => {
-                let index = self.running.iter().position(|running| running.number == session)?;
-                Some(Discarded::Session { _session: self.running.swap_remove(index) })
+                let index = self
+                    .running
+                    .iter()
+                    .position(|running| running.number == session)?;
+                Some(Discarded::Session {
+                    _session: self.running.swap_remove(index),
+                })
             }
-            Order::Seat { session, place, side } => {
-                let Some(running) = self.find(session) else { return Some(Discarded::Side { _side: side }) };
-                running.session.seat(place, side).map(|side| Discarded::Side { _side: side })
+            Order::Seat {
+                session,
+                place,
+                side,
+            } => {
+                let Some(running) = self.find(session) else {
+                    return Some(Discarded::Side { _side: side });
+                };
+                running
+                    .session
+                    .seat(place, side)
+                    .map(|side| Discarded::Side { _side: side })
             }
-            Order::Vacate { session, place, lease } => {
+            Order::Vacate {
+                session,
+                place,
+                lease,
+            } => {
                 let running = self.find(session)?;
-                let is_his = running.session.side(place).is_some_and(|side| side.lease() == lease);
+                let is_his = running
+                    .session
+                    .side(place)
+                    .is_some_and(|side| side.lease() == lease);
                 if !is_his {
                     return None;
                 }
-                running.session.vacate(place).map(|side| Discarded::Side { _side: side })
+                running
+                    .session
+                    .vacate(place)
+                    .map(|side| Discarded::Side { _side: side })
             }
-            Order::ReplaceClay { session, mut clay, clay_epoch } => {
+            Order::ReplaceClay {
+                session,
+                mut clay,
+                clay_epoch,
+            } => {
                 if let Some(running) = self.find(session) {
                     running.session.swap_clay(&mut clay);
                     running.clay_epoch = clay_epoch;
@@ -334,7 +420,10 @@ impl Engine {
     }
 
     fn find(&mut self, session: u32) -> Option<&mut Running> {
-        self.running.iter_mut().find(|running| running.number == session).map(|running| &mut **running)
+        self.running
+            .iter_mut()
+            .find(|running| running.number == session)
+            .map(|running| &mut **running)
     }
 }
 
@@ -347,6 +436,7 @@ fn record(running: &Running, now: Timestamp) -> SessionRecord {
         initial_units: session.clay().initial_units(),
         remaining_units: session.clay().remaining_units(),
         is_paused: session.is_paused(),
+        frames_sent: running.frames_sent,
         fault: session.fault().map(|fault| fault.field),
         tools: [None; MAX_PLACES],
     };
@@ -369,13 +459,20 @@ fn record(running: &Running, now: Timestamp) -> SessionRecord {
 fn hand_over_bricks(running: &mut Running) {
     let most = running.bricks.slots().min(BRICKS_AT_ONCE);
     let (bricks, clay_epoch) = (&mut running.bricks, running.clay_epoch);
-    running.session.clay_mut().drain_changed(most, |index, view| {
-        let content = match view {
-            BrickView::Empty => BrickContent::Empty,
-            BrickView::Full => BrickContent::Full,
-            BrickView::Voxels(voxels) => BrickContent::Voxels(*voxels),
-        };
-        // There is room, see `most`.
-        let _ = bricks.push(BrickUpdate { clay_epoch, index: index.as_u32(), content });
-    });
+    running
+        .session
+        .clay_mut()
+        .drain_changed(most, |index, view| {
+            let content = match view {
+                BrickView::Empty => BrickContent::Empty,
+                BrickView::Full => BrickContent::Full,
+                BrickView::Voxels(voxels) => BrickContent::Voxels(*voxels),
+            };
+            // There is room, see `most`.
+            let _ = bricks.push(BrickUpdate {
+                clay_epoch,
+                index: index.as_u32(),
+                content,
+            });
+        });
 }

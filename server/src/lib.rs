@@ -1,1 +1,24 @@
-//! Placeholder while the rooms are laid.
+//! The tool side's shell: the 1 kHz thread, Zenoh, sessions, HTTP and WebSocket.
+//!
+//! | module | holds |
+//! |---|---|
+//! | `engine` | the tick: all sessions on one thread, rings in and out |
+//! | `collector` | what the tick leaves: statistics, the watchers' clay, telemetry |
+//! | [`directory`] | which sessions there are, and every way to change one |
+//! | [`network`] | Zenoh: frames, joining, slow state |
+//! | [`api`] | HTTP, WebSocket, OpenAPI, metrics, the dashboard |
+//! | [`settings`] | defaults, file, environment, flags |
+
+pub mod api;
+mod collector;
+mod convert;
+pub mod directory;
+mod engine;
+pub mod network;
+mod serve;
+mod session;
+pub mod settings;
+mod state;
+
+pub use serve::{Server, run};
+pub use session::{Event, Sample};

@@ -111,6 +111,17 @@ pub struct SchemeUnavailable {
     pub scheme: Scheme,
 }
 
+/// Whether a scheme can be had.
+///
+/// # Errors
+/// The scheme is not available.
+pub fn availability(scheme: Scheme) -> Result<(), SchemeUnavailable> {
+    match scheme {
+        Scheme::ForceExchange => Ok(()),
+        _ => Err(SchemeUnavailable { scheme }),
+    }
+}
+
 /// The handle's end of a scheme, at rest.
 ///
 /// # Errors

@@ -1,0 +1,475 @@
+//! Zenoh: frames in and out on one session, everything slow on another.
+//!
+//! The callback for frames decodes, pushes into the session's ring and returns. A sender thread of its own puts what the tick leaves: a put may
+//! block for longer than a tick even when it may drop.
+
+use std::collections::HashMap;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
+use std::thread::{JoinHandle, Thread};
+use std::time::Duration;
+
+use rtrb::Consumer;
+use teleclay_clay::{BrickView, Clay};
+use teleclay_proto::frame::{HandleFrame, MAX_FRAME};
+use teleclay_proto::http::{ClayReset, parse};
+use teleclay_proto::join::{
+    FreshReply, FreshRequest, JoinReply, JoinRequest, LeaveReply, LeaveRequest, RefusalCode,
+};
+use teleclay_proto::keys::{self, Key, Leaf, SessionKeys};
+use teleclay_proto::watch::{
+    BRICK_VOXELS, BrickContent, BricksHeader, BricksWriter, MAX_MESSAGE, Picture,
+};
+use teleclay_proto::{NodeName, SessionId};
+use teleclay_shell::network::{CONTROL_QOS, Endpoints, NetworkError, open};
+use zenoh::Session;
+use zenoh::Wait;
+use zenoh::query::Query;
+
+use crate::directory::{Directory, Live};
+use crate::engine::{Incoming, Outgoing};
+
+/// How often slow state is published, and bricks at most.
+const STATE_PERIOD: Duration = Duration::from_millis(500);
+const BRICKS_PERIOD: Duration = Duration::from_millis(100);
+/// The sender looks into its ring at least this often, should a wake-up get lost.
+const SENDER_NAP: Duration = Duration::from_millis(5);
+
+/// The server's side of Zenoh. Dropping it closes nothing by itself: see [`Network::close`].
+pub struct Network {
+    control: Session,
+    slow: Session,
+    stop: Arc<AtomicBool>,
+    sender: Option<JoinHandle<()>>,
+}
+
+/// The thread that puts frames, before it knows of Zenoh: the tick needs its handle to wake it.
+pub(crate) struct Sender {
+    stop: Arc<AtomicBool>,
+    thread: JoinHandle<()>,
+    start: std::sync::mpsc::Sender<(Session, NodeName, Directory)>,
+}
+
+impl Sender {
+    pub(crate) fn spawn(outgoing: Consumer<Outgoing>) -> std::io::Result<Self> {
+        let stop = Arc::new(AtomicBool::new(false));
+        let asked_to_stop = Arc::clone(&stop);
+        let (start, started) = std::sync::mpsc::channel();
+        let thread = std::thread::Builder::new()
+            .name("sender".to_owned())
+            .spawn(move || {
+                if let Ok((session, node, directory)) = started.recv() {
+                    send_until(&asked_to_stop, outgoing, &session, &node, &directory);
+                }
+            })?;
+        Ok(Self {
+            stop,
+            thread,
+            start,
+        })
+    }
+
+    pub(crate) fn thread(&self) -> Thread {
+        self.thread.thread().clone()
+    }
+}
+
+impl Network {
+    /// Opens both sessions and serves `directory` on them.
+    ///
+    /// # Errors
+    /// An endpoint cannot be listened on.
+    pub(crate) async fn open(
+        node: &NodeName,
+        control_endpoint: &str,
+        slow_endpoint: &str,
+        directory: &Directory,
+        sender: Sender,
+    ) -> Result<Self, NetworkError> {
+        let listen = |endpoint: &str| Endpoints {
+            listen: vec![endpoint.to_owned()],
+            connect: Vec::new(),
+        };
+        let control = open(&listen(control_endpoint)).await?;
+        let slow = open(&listen(slow_endpoint)).await?;
+        let failed = |reason: zenoh::Error| NetworkError::Open {
+            what: control_endpoint.to_owned(),
+            reason: reason.to_string(),
+        };
+
+        receive_frames(&control, node, directory.clone())
+            .await
+            .map_err(failed)?;
+        for session in [&control, &slow] {
+            answer_queries(session, node, directory.clone())
+                .await
+                .map_err(failed)?;
+        }
+        // Undeclared with its session.
+        let token = slow
+            .liveliness()
+            .declare_token(keys::alive(node))
+            .await
+            .map_err(failed)?;
+        std::mem::drop(tokio::spawn(publish_state(
+            slow.clone(),
+            node.clone(),
+            directory.clone(),
+            token,
+        )));
+        tokio::spawn(publish_bricks(
+            slow.clone(),
+            node.clone(),
+            directory.clone(),
+        ));
+        // Fails only if the thread is gone; then nothing would be sent, and readiness would say so.
+        let is_sending = sender
+            .start
+            .send((control.clone(), node.clone(), directory.clone()))
+            .is_ok();
+        if is_sending {
+            directory.set_zenoh_up();
+        }
+        Ok(Self {
+            control,
+            slow,
+            stop: sender.stop,
+            sender: Some(sender.thread),
+        })
+    }
+
+    /// Closes both sessions and ends the sender.
+    pub async fn close(mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        if let Some(sender) = self.sender.take() {
+            sender.thread().unpark();
+            // A panic was printed by the thread itself.
+            let _ = tokio::task::spawn_blocking(move || sender.join()).await;
+        }
+        for session in [self.control, self.slow] {
+            if let Err(error) = session.close().await {
+                tracing::warn!(%error, "a zenoh session did not close cleanly");
+            }
+        }
+    }
+}
+
+fn send_until(
+    stop: &AtomicBool,
+    mut outgoing: Consumer<Outgoing>,
+    session: &Session,
+    node: &NodeName,
+    directory: &Directory,
+) {
+    let (congestion, priority, is_express, reliability) = CONTROL_QOS;
+    let mut publishers: HashMap<(u32, usize), zenoh::pubsub::Publisher<'_>> = HashMap::new();
+    let mut buffer = [0; MAX_FRAME];
+    while !stop.load(Ordering::Relaxed) {
+        while let Ok(Outgoing {
+            session: number,
+            place,
+            frame,
+        }) = outgoing.pop()
+        {
+            let publisher = match publishers.entry((number, place)) {
+                std::collections::hash_map::Entry::Occupied(held) => held.into_mut(),
+                std::collections::hash_map::Entry::Vacant(free) => {
+                    let Some(live) = directory.live_by_number(number) else {
+                        continue;
+                    };
+                    let key = SessionKeys::new(node.clone(), live.id().clone())
+                        .tool_down(crate::session::tool_id(place));
+                    let declared = session
+                        .declare_publisher(key)
+                        .congestion_control(congestion)
+                        .priority(priority)
+                        .express(is_express)
+                        .reliability(reliability)
+                        .wait();
+                    match declared {
+                        Ok(publisher) => free.insert(publisher),
+                        Err(error) => {
+                            tracing::error!(%error, "cannot publish frames");
+                            continue;
+                        }
+                    }
+                }
+            };
+            // An error means that the session is closing.
+            let _ = publisher.put(frame.encode(&mut buffer)).wait();
+        }
+        std::thread::park_timeout(SENDER_NAP);
+    }
+}
+
+/// The route of a key: into which ring, for which place.
+type Route = (Arc<Mutex<rtrb::Producer<Incoming>>>, usize);
+
+async fn receive_frames(
+    session: &Session,
+    node: &NodeName,
+    directory: Directory,
+) -> Result<(), zenoh::Error> {
+    let routes: Mutex<HashMap<String, Route>> = Mutex::new(HashMap::new());
+    let broken = std::sync::atomic::AtomicU64::new(0);
+    let callback = move |sample: zenoh::sample::Sample| {
+        let payload = sample.payload().to_bytes();
+        let frame = match HandleFrame::decode(&payload) {
+            Ok(frame) => frame,
+            Err(error) => {
+                // The first of them is worth a line, all of them would be a flood.
+                if broken.fetch_add(1, Ordering::Relaxed) == 0 {
+                    tracing::warn!(%error, key = %sample.key_expr(), "a frame that is none");
+                }
+                return;
+            }
+        };
+        let key = sample.key_expr().as_str();
+        let mut routes = routes.lock().expect("no holder panics");
+        let known = routes
+            .get(key)
+            .filter(|(ring, _)| !is_abandoned(ring))
+            .cloned();
+        let Some((ring, place)) = known.or_else(|| route(key, &directory)) else {
+            return;
+        };
+        if !routes.contains_key(key) || is_abandoned(&routes[key].0) {
+            routes.insert(key.to_owned(), (Arc::clone(&ring), place));
+        }
+        drop(routes);
+        // A full ring means that the tick has stalled for a quarter of a second: what is newest is then as old as the rest.
+        let _ = ring
+            .lock()
+            .expect("no holder panics")
+            .push(Incoming { place, frame });
+    };
+    session
+        .declare_subscriber(format!("teleclay/{node}/session/*/tool/*/up"))
+        .callback(callback)
+        .background()
+        .await
+}
+
+fn is_abandoned(ring: &Mutex<rtrb::Producer<Incoming>>) -> bool {
+    ring.lock().expect("no holder panics").is_abandoned()
+}
+
+fn route(key: &str, directory: &Directory) -> Option<Route> {
+    let Ok(Key::Session(keys, Leaf::ToolUp(tool))) = key.parse::<Key>() else {
+        return None;
+    };
+    let place = usize::try_from(tool).ok()?.checked_sub(1)?;
+    Some((directory.frames(keys.session())?, place))
+}
+
+async fn answer_queries(
+    session: &Session,
+    node: &NodeName,
+    directory: Directory,
+) -> Result<(), zenoh::Error> {
+    let runtime = tokio::runtime::Handle::current();
+    let node = node.clone();
+    session
+        .declare_queryable(format!("teleclay/{node}/session/**"))
+        .callback(move |query: Query| {
+            let (directory, node) = (directory.clone(), node.clone());
+            runtime.spawn(async move { answer(&query, &node, &directory).await });
+        })
+        .background()
+        .await
+}
+
+async fn answer(query: &Query, node: &NodeName, directory: &Directory) {
+    // A handle that does not know the node's name asks with a wildcard in its place.
+    let asked = query
+        .key_expr()
+        .as_str()
+        .replacen("teleclay/*/", &format!("teleclay/{node}/"), 1);
+    let Ok(Key::Session(keys, leaf)) = asked.parse::<Key>() else {
+        return;
+    };
+    let payload = query
+        .payload()
+        .map(|bytes| bytes.to_bytes().into_owned())
+        .unwrap_or_default();
+    let id = keys.session();
+    let reply = match leaf {
+        Leaf::Join => json(&join(id, &payload, directory).await),
+        Leaf::Leave => json(&leave(id, &payload, directory).await),
+        Leaf::ClayFresh => json(&fresh(id, &payload, directory).await),
+        Leaf::Parameters => match directory.session(id) {
+            Some(live) => json(&live.loop_parameters()),
+            None => return,
+        },
+        Leaf::ClaySnapshot => match directory.session(id) {
+            Some(live) => {
+                for message in bricks(&live, None).0 {
+                    reply_with(query, &keys, leaf, message).await;
+                }
+                return;
+            }
+            None => return,
+        },
+        Leaf::State => match directory.session(id) {
+            Some(live) => json(&live.state()),
+            None => return,
+        },
+        _ => return,
+    };
+    reply_with(query, &keys, leaf, reply).await;
+}
+
+async fn reply_with(query: &Query, keys: &SessionKeys, leaf: Leaf, payload: Vec<u8>) {
+    if let Err(error) = query.reply(keys.key(leaf), payload).await {
+        tracing::warn!(%error, "a query could not be answered");
+    }
+}
+
+fn json(value: &impl serde::Serialize) -> Vec<u8> {
+    serde_json::to_vec(value).expect("plain data has a JSON form")
+}
+
+async fn join(id: &SessionId, payload: &[u8], directory: &Directory) -> JoinReply {
+    let request: JoinRequest = match parse(payload) {
+        Ok(request) => request,
+        Err(error) => {
+            return JoinReply::Refused {
+                code: RefusalCode::BadRequest,
+                reason: error.to_string(),
+            };
+        }
+    };
+    match directory.join(id, &request).await {
+        Ok(granted) => JoinReply::Granted(Box::new(granted)),
+        Err((code, reason)) => JoinReply::Refused { code, reason },
+    }
+}
+
+async fn leave(id: &SessionId, payload: &[u8], directory: &Directory) -> LeaveReply {
+    let Ok(LeaveRequest { lease }) = parse(payload) else {
+        return LeaveReply::NoSuchLease;
+    };
+    let Some(live) = directory.session(id) else {
+        return LeaveReply::NoSuchLease;
+    };
+    match live.place_of(lease) {
+        Some(place) => {
+            live.end_lease(place, lease, "left").await;
+            LeaveReply::Left
+        }
+        None => LeaveReply::NoSuchLease,
+    }
+}
+
+async fn fresh(id: &SessionId, payload: &[u8], directory: &Directory) -> FreshReply {
+    let refused = |reason: &str| FreshReply::Refused {
+        reason: reason.to_owned(),
+    };
+    let request: FreshRequest = match parse(payload) {
+        Ok(request) => request,
+        Err(error) => return refused(&error.to_string()),
+    };
+    let Some(live) = directory.session(id) else {
+        return refused("there is no such session");
+    };
+    if live.place_of(request.lease).is_none() {
+        return refused("only who holds a tool may ask for a fresh block");
+    }
+    match live.reset(ClayReset::default()).await {
+        Ok(session) => FreshReply::Fresh {
+            epoch: session.clay.epoch,
+        },
+        Err(error) => refused(&error.to_string()),
+    }
+}
+
+async fn publish_state(
+    session: Session,
+    node: NodeName,
+    directory: Directory,
+    _alive: zenoh::liveliness::LivelinessToken,
+) {
+    let mut period = tokio::time::interval(STATE_PERIOD);
+    while !session.is_closed() {
+        period.tick().await;
+        for state in directory.sessions() {
+            let key = SessionKeys::new(node.clone(), state.id.clone()).state();
+            // An error means that the session is closing.
+            let _ = session.put(key, json(&state)).await;
+        }
+    }
+}
+
+async fn publish_bricks(session: Session, node: NodeName, directory: Directory) {
+    let mut seen: HashMap<SessionId, (u32, u64)> = HashMap::new();
+    let mut period = tokio::time::interval(BRICKS_PERIOD);
+    while !session.is_closed() {
+        period.tick().await;
+        let ids: Vec<SessionId> = directory
+            .sessions()
+            .into_iter()
+            .map(|session| session.id)
+            .collect();
+        seen.retain(|id, _| ids.contains(id));
+        for id in ids {
+            let Some(live) = directory.session(&id) else {
+                continue;
+            };
+            let (messages, now) = bricks(&live, seen.get(&id).copied());
+            seen.insert(id.clone(), now);
+            let key = SessionKeys::new(node.clone(), id).clay_bricks();
+            for message in messages {
+                // An error means that the session is closing.
+                let _ = session.put(&key, message).await;
+            }
+        }
+    }
+}
+
+/// The bricks that changed since `seen` (epoch and revision), or all of them, and what has been seen then.
+fn bricks(live: &Live, seen: Option<(u32, u64)>) -> (Vec<Vec<u8>>, (u32, u64)) {
+    live.clay().with(|clay, epoch| {
+        let since = seen
+            .filter(|(seen_epoch, _)| *seen_epoch == epoch)
+            .map(|(_, revision)| revision);
+        (write_bricks(clay, epoch, since), (epoch, clay.revision()))
+    })
+}
+
+fn write_bricks(clay: &Clay, epoch: u32, since: Option<u64>) -> Vec<Vec<u8>> {
+    let grid = clay.grid();
+    let header = BricksHeader {
+        sequence: 0,
+        clay_epoch: epoch,
+        bricks_per_axis: grid.bricks_per_axis(),
+        picture: if since.is_none() {
+            Picture::Whole
+        } else {
+            Picture::Changes
+        },
+        voxel_size_m: grid.voxel_size_m() as f32,
+    };
+    let mut writer = BricksWriter::new(header, MAX_MESSAGE);
+    let mut write = |index: teleclay_clay::BrickIndex| {
+        let content = match clay.brick(index) {
+            BrickView::Empty => BrickContent::Empty,
+            BrickView::Full => BrickContent::Full,
+            BrickView::Voxels(voxels) => BrickContent::Voxels(voxels),
+        };
+        writer
+            .push(index.as_u32(), content)
+            .expect("the index is the grid's own");
+    };
+    match since {
+        Some(revision) => clay.changed_after(revision).for_each(&mut write),
+        None => (0..grid.brick_count() as u32)
+            .filter_map(|dense| grid.brick_index(dense))
+            .for_each(&mut write),
+    }
+    writer.finish()
+}
+
+const _: () = assert!(
+    BRICK_VOXELS == teleclay_clay::BRICK_VOXELS,
+    "bricks on the wire are the clay's"
+);

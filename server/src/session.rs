@@ -1,0 +1,260 @@
+//! What all of the server knows of one session: its settings, its leases, its statistics, its mirror of the clay.
+
+use std::sync::Mutex;
+use std::time::{Duration, Instant};
+
+use teleclay_clay::Clay;
+use teleclay_proto::SessionId;
+use teleclay_proto::http::{NewSession, Session, SessionState, ToolDescription, ToolState};
+use teleclay_proto::join::LoopParameters;
+use teleclay_proto::watch::{Level, TelemetrySample};
+use tokio::sync::broadcast;
+
+use crate::collector::{LoopStats, SessionStats};
+use crate::engine::MAX_PLACES;
+use crate::state;
+
+/// Samples that a watcher may fall behind before it loses some: four seconds of one tool.
+const SAMPLES_KEPT: usize = 1024;
+const EVENTS_KEPT: usize = 64;
+/// A lease ends this long after the last frame, s: long enough to plug a cable in again.
+const LEASE_S: f64 = 10.0;
+
+/// A sample of one tool, on its way to watchers.
+#[derive(Clone, Copy, Debug)]
+pub struct Sample {
+    /// The tool's id.
+    pub tool: u32,
+    /// Time since the session began, s.
+    pub time_s: f64,
+    /// Time between samples, µs.
+    pub period_us: u32,
+    /// The sample.
+    pub sample: TelemetrySample,
+}
+
+/// Something that happened.
+#[derive(Clone, Debug)]
+pub struct Event {
+    /// How grave it is.
+    pub level: Level,
+    /// What happened, for people.
+    pub text: String,
+    /// When, since the session began, s.
+    pub time_s: f64,
+}
+
+/// The watchers' copy of the clay, a few milliseconds behind the tick's.
+pub struct Mirror {
+    /// The clay.
+    pub clay: Clay,
+    /// Counts the fresh blocks.
+    pub epoch: u32,
+}
+
+/// Who holds a tool.
+#[derive(Clone, Debug)]
+pub(crate) struct Lease {
+    pub(crate) lease: u32,
+    pub(crate) operator: String,
+    pub(crate) granted: Instant,
+}
+
+/// What a session was told to be.
+#[derive(Clone, Debug)]
+pub(crate) struct Settings {
+    pub(crate) spec: NewSession,
+    pub(crate) parameters: LoopParameters,
+    pub(crate) is_paused: bool,
+    pub(crate) places: Vec<Option<Lease>>,
+}
+
+/// A session, shared by the API, Zenoh and the collector.
+pub struct SessionShared {
+    pub(crate) id: SessionId,
+    pub(crate) number: u32,
+    pub(crate) settings: Mutex<Settings>,
+    pub(crate) stats: Mutex<SessionStats>,
+    pub(crate) mirror: Mutex<Mirror>,
+    telemetry: broadcast::Sender<Sample>,
+    events: broadcast::Sender<Event>,
+}
+
+impl SessionShared {
+    pub(crate) fn new(number: u32, spec: NewSession, mirror: Clay) -> Self {
+        let parameters = parameters(&spec);
+        let places = vec![None; usize::from(spec.tools)];
+        Self {
+            id: spec.id.clone(),
+            number,
+            settings: Mutex::new(Settings {
+                spec,
+                parameters,
+                is_paused: false,
+                places,
+            }),
+            stats: Mutex::new(SessionStats::new()),
+            mirror: Mutex::new(Mirror {
+                clay: mirror,
+                epoch: 1,
+            }),
+            telemetry: broadcast::channel(SAMPLES_KEPT).0,
+            events: broadcast::channel(EVENTS_KEPT).0,
+        }
+    }
+
+    pub(crate) fn settings(&self) -> std::sync::MutexGuard<'_, Settings> {
+        self.settings.lock().expect("no holder panics")
+    }
+
+    /// The session as the API shows it.
+    pub(crate) fn state(&self, loop_stats: &Mutex<LoopStats>, scheduler: &str) -> Session {
+        state::session(self, loop_stats, scheduler)
+    }
+
+    pub(crate) fn telemetry(&self) -> broadcast::Receiver<Sample> {
+        self.telemetry.subscribe()
+    }
+
+    pub(crate) fn events(&self) -> broadcast::Receiver<Event> {
+        self.events.subscribe()
+    }
+
+    pub(crate) fn publish(
+        &self,
+        place: usize,
+        time_s: f64,
+        period_us: u32,
+        sample: TelemetrySample,
+    ) {
+        // An error means that nobody watches.
+        let _ = self.telemetry.send(Sample {
+            tool: tool_id(place),
+            time_s,
+            period_us,
+            sample,
+        });
+    }
+
+    /// Tells watchers and the log.
+    pub(crate) fn tell(&self, level: Level, text: String) {
+        match level {
+            Level::Info => tracing::info!(session = %self.id, "{text}"),
+            Level::Warning => tracing::warn!(session = %self.id, "{text}"),
+            Level::Error => tracing::error!(session = %self.id, "{text}"),
+        }
+        let ticks = self.stats.try_lock().map_or(0, |stats| stats.record.ticks);
+        let _ = self.events.send(Event {
+            level,
+            text,
+            time_s: ticks as f64 * 1e-3,
+        });
+    }
+
+    pub(crate) fn tell_connection(&self, place: usize, is_connected: bool) {
+        let operator = self.settings().places[place]
+            .as_ref()
+            .map(|lease| lease.operator.clone());
+        let operator = operator.unwrap_or_else(|| "the operator".to_owned());
+        let tool = tool_id(place);
+        if is_connected {
+            self.tell(Level::Info, format!("{operator} holds tool {tool}"));
+        } else {
+            self.tell(
+                Level::Warning,
+                format!("no frame from {operator}: tool {tool} stopped"),
+            );
+        }
+    }
+
+    pub(crate) fn tell_fault(&self, field: &str) {
+        self.tell(
+            Level::Error,
+            format!("{field} is not finite: forces are zero until a fresh block"),
+        );
+    }
+
+    pub(crate) fn lease_s(&self) -> f64 {
+        LEASE_S
+    }
+
+    pub(crate) fn lease_age(&self, place: usize, lease: u32) -> Option<Duration> {
+        let settings = self.settings();
+        let held = settings
+            .places
+            .get(place)?
+            .as_ref()
+            .filter(|held| held.lease == lease)?;
+        Some(held.granted.elapsed())
+    }
+}
+
+/// Tools are numbered from 1.
+pub(crate) fn tool_id(place: usize) -> u32 {
+    place as u32 + 1
+}
+
+/// Where the handle's home maps to, and how far the tool may go: over the middle of a block with the tool just touching it; before the first step of a
+/// stepped block with the blade's leading face at x = 0.
+pub(crate) fn parameters(spec: &NewSession) -> LoopParameters {
+    use teleclay_proto::http::ClayShape;
+    /// The tool may leave the block by this much on every side, m.
+    const MARGIN_M: f64 = 0.1;
+
+    let size = spec.clay.shape.size_m();
+    let (lowest_m, half_depth_m) = match spec.tool {
+        ToolDescription::Ball { radius_m } => (radius_m, radius_m),
+        ToolDescription::Blade { thickness_m, .. } => (0.0, thickness_m / 2.0),
+    };
+    let home_m = match &spec.clay.shape {
+        ClayShape::Block { .. } => [size[0] / 2.0, size[1] / 2.0, size[2] + lowest_m],
+        ClayShape::Stepped { base_m, .. } => [-half_depth_m, size[1] / 2.0, base_m + lowest_m],
+    };
+    LoopParameters {
+        axes: spec.axes,
+        scheme: spec.scheme,
+        home_m,
+        reach_m: [[-MARGIN_M; 3], size.map(|edge| edge + MARGIN_M)],
+        tool: spec.tool,
+        material: spec.material,
+        ..LoopParameters::default()
+    }
+}
+
+pub(crate) fn tools(settings: &Settings, stats: &SessionStats) -> Vec<ToolState> {
+    let mut tools = Vec::new();
+    for place in 0..MAX_PLACES.min(settings.places.len()) {
+        let Some(lease) = &settings.places[place] else {
+            continue;
+        };
+        let record = stats.record.tools[place].filter(|tool| tool.lease == lease.lease);
+        let view = record.map(|tool| tool.view).unwrap_or_default();
+        tools.push(ToolState {
+            id: tool_id(place),
+            operator: lease.operator.clone(),
+            connected: record.is_some_and(|tool| tool.is_connected),
+            position_m: record.map_or(settings.parameters.home_m, |tool| tool.view.position_m),
+            force_n: view.force_n,
+            handle_position_m: view.handle_position_m,
+            felt_force_n: view.felt_force_n,
+            hand_force_n: view.hand_force_n,
+            home_m: settings.parameters.home_m,
+        });
+    }
+    tools
+}
+
+pub(crate) fn session_state(settings: &Settings, stats: &SessionStats) -> SessionState {
+    let is_connected = stats
+        .record
+        .tools
+        .iter()
+        .flatten()
+        .any(|tool| tool.is_connected);
+    match (stats.record.fault, settings.is_paused, is_connected) {
+        (Some(_), ..) => SessionState::Fault,
+        (None, true, _) => SessionState::Paused,
+        (None, false, true) => SessionState::Running,
+        (None, false, false) => SessionState::Idle,
+    }
+}

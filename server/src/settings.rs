@@ -1,0 +1,247 @@
+//! Settings: defaults, then a file, then `TELECLAY_*`, then flags; the last one wins.
+
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use anyhow::{Context as _, ensure};
+use clap::Parser;
+use figment::Figment;
+use figment::providers::{Env, Format as _, Serialized, Toml};
+use serde::{Deserialize, Serialize};
+use teleclay_proto::NodeName;
+use teleclay_shell::network::{is_loopback, neighbour};
+use teleclay_shell::ticker::Scheduling;
+
+/// A networked haptic tele-presence server: it holds the clay and the tool side of the loop.
+#[derive(Debug, Parser)]
+#[command(name = "teleclay-server", version)]
+pub struct Arguments {
+    /// Address of the HTTP API and the dashboard [default: 127.0.0.1:8080]
+    #[arg(long, value_name = "ADDRESS:PORT")]
+    listen: Option<SocketAddr>,
+    /// Zenoh endpoint for handles; slow state uses the next port [default: tcp/127.0.0.1:7447]
+    #[arg(long, value_name = "PROTOCOL/ADDRESS:PORT")]
+    zenoh_listen: Option<String>,
+    /// Where session definitions are kept [default: a folder of the user's]
+    #[arg(long, value_name = "DIR")]
+    data_dir: Option<PathBuf>,
+    /// A TOML file with the same settings, e.g. `listen = "127.0.0.1:9000"`
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+    /// Start without the session `demo`
+    #[arg(long)]
+    no_demo_session: bool,
+    /// Name of this server on Zenoh [default: local]
+    #[arg(long)]
+    node: Option<String>,
+    /// Origins besides the server's own whose pages may use the API; may be given several times
+    #[arg(long = "allow-origin", value_name = "ORIGIN")]
+    allow_origins: Vec<String>,
+    /// What to ask the scheduler for: fifo or normal [default: fifo]
+    #[arg(long)]
+    scheduling: Option<Scheduling>,
+    /// Last microseconds of each wait that are spun instead of slept [default: 0]
+    #[arg(long)]
+    spin_us: Option<u64>,
+    /// Ask a running server on --listen whether it is healthy, and exit with 0 or 1
+    #[arg(long)]
+    pub health_check: bool,
+}
+
+/// The raw shape: what a file or the environment may say.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Raw {
+    listen: SocketAddr,
+    zenoh_listen: String,
+    data_dir: Option<PathBuf>,
+    demo_session: bool,
+    node: String,
+    token: Option<String>,
+    allow_origins: Vec<String>,
+    scheduling: String,
+    spin_us: u64,
+}
+
+impl Default for Raw {
+    fn default() -> Self {
+        Self {
+            listen: SocketAddr::from(([127, 0, 0, 1], 8080)),
+            zenoh_listen: "tcp/127.0.0.1:7447".to_owned(),
+            data_dir: None,
+            demo_session: true,
+            node: "local".to_owned(),
+            token: None,
+            allow_origins: Vec::new(),
+            scheduling: Scheduling::default().to_string(),
+            spin_us: 0,
+        }
+    }
+}
+
+/// Proven settings.
+#[derive(Clone, Debug)]
+pub struct Settings {
+    /// HTTP address.
+    pub listen: SocketAddr,
+    /// Zenoh endpoint of the control session.
+    pub zenoh_control: String,
+    /// Zenoh endpoint of the slow session.
+    pub zenoh_slow: String,
+    /// Where session definitions are kept.
+    pub data_dir: PathBuf,
+    /// Whether to make the session `demo`.
+    pub demo_session: bool,
+    /// Name of this server on Zenoh.
+    pub node: NodeName,
+    /// Token that clients must show.
+    pub token: Option<String>,
+    /// Foreign origins that may use the API.
+    pub allow_origins: Vec<String>,
+    /// What to ask the scheduler for.
+    pub scheduling: Scheduling,
+    /// Spun part of each wait.
+    pub spin: Duration,
+}
+
+/// Shorter tokens can be guessed.
+const LEAST_TOKEN: usize = 16;
+/// A spin as long as the tick would never sleep.
+const MOST_SPIN_US: u64 = 900;
+
+impl Settings {
+    /// Reads file and environment, lets flags win, checks.
+    ///
+    /// # Errors
+    /// An unknown or impossible setting; a listener beyond loopback without a token.
+    pub fn read(arguments: &Arguments) -> anyhow::Result<Self> {
+        let mut figment = Figment::from(Serialized::defaults(Raw::default()));
+        if let Some(file) = &arguments.config {
+            ensure!(
+                file.is_file(),
+                "there is no configuration file {}",
+                file.display()
+            );
+            figment = figment.merge(Toml::file_exact(file));
+        }
+        figment = figment.merge(Env::prefixed("TELECLAY_").ignore(&["config", "log"]));
+        let mut raw: Raw = figment.extract().context("settings")?;
+        if let Some(listen) = arguments.listen {
+            raw.listen = listen;
+        }
+        if let Some(endpoint) = &arguments.zenoh_listen {
+            raw.zenoh_listen.clone_from(endpoint);
+        }
+        if let Some(folder) = &arguments.data_dir {
+            raw.data_dir = Some(folder.clone());
+        }
+        if let Some(node) = &arguments.node {
+            raw.node.clone_from(node);
+        }
+        if let Some(scheduling) = arguments.scheduling {
+            raw.scheduling = scheduling.to_string();
+        }
+        if let Some(spin_us) = arguments.spin_us {
+            raw.spin_us = spin_us;
+        }
+        raw.demo_session &= !arguments.no_demo_session;
+        raw.allow_origins
+            .extend(arguments.allow_origins.iter().cloned());
+        Self::prove(raw)
+    }
+
+    fn prove(raw: Raw) -> anyhow::Result<Self> {
+        if let Some(token) = &raw.token {
+            ensure!(
+                LEAST_TOKEN <= token.len(),
+                "the token has {} characters, need {LEAST_TOKEN}",
+                token.len()
+            );
+        }
+        let how = "set one with TELECLAY_TOKEN or `token` in the file given by --config";
+        let is_inside = raw.listen.ip().is_loopback();
+        ensure!(
+            is_inside || raw.token.is_some(),
+            "listening on {} needs a token: {how}",
+            raw.listen
+        );
+        let is_inside = is_loopback(&raw.zenoh_listen);
+        ensure!(
+            is_inside || raw.token.is_some(),
+            "listening on {} needs a token: {how}",
+            raw.zenoh_listen
+        );
+        ensure!(
+            raw.spin_us <= MOST_SPIN_US,
+            "spin_us is {}, want {MOST_SPIN_US} at most",
+            raw.spin_us
+        );
+        Ok(Self {
+            listen: raw.listen,
+            zenoh_slow: neighbour(&raw.zenoh_listen, 1)?,
+            zenoh_control: raw.zenoh_listen,
+            data_dir: raw.data_dir.map_or_else(default_data_dir, Ok)?,
+            demo_session: raw.demo_session,
+            node: NodeName::new(raw.node).context("node")?,
+            token: raw.token,
+            allow_origins: raw.allow_origins,
+            scheduling: raw
+                .scheduling
+                .parse()
+                .map_err(|error: String| anyhow::anyhow!(error))?,
+            spin: Duration::from_micros(raw.spin_us),
+        })
+    }
+}
+
+fn default_data_dir() -> anyhow::Result<PathBuf> {
+    let set = |name| {
+        std::env::var_os(name)
+            .filter(|value| !value.is_empty())
+            .map(PathBuf::from)
+    };
+    let base = set("XDG_DATA_HOME").or_else(|| set("HOME").map(|home| home.join(".local/share")));
+    Ok(base
+        .context("neither XDG_DATA_HOME nor HOME is set: give --data-dir")?
+        .join("teleclay"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn proven(change: impl FnOnce(&mut Raw)) -> anyhow::Result<Settings> {
+        let mut raw = Raw {
+            data_dir: Some(PathBuf::from("data")),
+            ..Raw::default()
+        };
+        change(&mut raw);
+        Settings::prove(raw)
+    }
+
+    #[test]
+    fn the_defaults_are_usable_and_stay_on_loopback() {
+        let settings = proven(|_| ()).unwrap();
+        assert!(settings.listen.ip().is_loopback() && is_loopback(&settings.zenoh_control));
+        assert_eq!(settings.zenoh_slow, "tcp/127.0.0.1:7448");
+    }
+
+    #[test]
+    fn listening_beyond_loopback_without_a_token_is_refused_and_says_how_to_set_one() {
+        let http = proven(|raw| raw.listen = "0.0.0.0:8080".parse().unwrap())
+            .unwrap_err()
+            .to_string();
+        assert!(http.contains("TELECLAY_TOKEN"), "{http}");
+        let zenoh = proven(|raw| raw.zenoh_listen = "tcp/0.0.0.0:7447".to_owned())
+            .unwrap_err()
+            .to_string();
+        assert!(zenoh.contains("TELECLAY_TOKEN"), "{zenoh}");
+        let token = Some("a token of good length".to_owned());
+        assert!(
+            proven(|raw| (raw.listen, raw.token) = ("0.0.0.0:8080".parse().unwrap(), token))
+                .is_ok()
+        );
+        assert!(proven(|raw| raw.token = Some("short".to_owned())).is_err());
+    }
+}
