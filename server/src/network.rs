@@ -111,12 +111,12 @@ impl Network {
             .declare_token(keys::alive(node))
             .await
             .map_err(failed)?;
-        std::mem::drop(tokio::spawn(publish_state(
+        tokio::spawn(publish_state(
             slow.clone(),
             node.clone(),
             directory.clone(),
             token,
-        )));
+        ));
         tokio::spawn(publish_bricks(
             slow.clone(),
             node.clone(),
@@ -441,7 +441,7 @@ fn write_bricks(clay: &Clay, epoch: u32, since: Option<u64>) -> Vec<Vec<u8>> {
     let header = BricksHeader {
         sequence: 0,
         clay_epoch: epoch,
-        bricks_per_axis: grid.bricks_per_axis(),
+        bricks_per_axis: grid.bricks(),
         picture: if since.is_none() {
             Picture::Whole
         } else {
