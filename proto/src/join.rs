@@ -67,6 +67,7 @@ pub struct ClayDescription {
     /// What the block started as.
     pub shape: ClayShape,
     /// Edge of a voxel, m.
+    #[serde(deserialize_with = "crate::length::nanometres")]
     pub voxel_size_m: f64,
     /// Counts the fresh blocks.
     pub epoch: u32,
@@ -154,9 +155,9 @@ pub struct LoopParameters {
     pub virtual_mass_kg: f64,
     /// `B` of `C_h1`, N·s/m.
     pub virtual_damping_n_s_per_m: f64,
-    /// Tool displacement per handle displacement, `A_h1` of \[KHMH03\].
+    /// Tool displacement per handle displacement, `A_h1` of `[KHMH03]`.
     pub position_ratio: f64,
-    /// Tool force per hand force, a magnitude: `A_h2` of \[KHMH03\] is its negative.
+    /// Tool force per hand force, a magnitude: `A_h2` of `[KHMH03]` is its negative.
     pub force_ratio: f64,
     /// `M_t` of `G_t = 1 / (M_t s² + B_t s + K_t)`, kg.
     pub tool_mass_kg: f64,
@@ -187,7 +188,7 @@ pub struct LoopParameters {
 }
 
 impl Default for LoopParameters {
-    /// The controller and tool of \[KHMH03\] and the default block of clay.
+    /// The controller and tool of `[KHMH03]` and the default block of clay.
     fn default() -> Self {
         Self {
             revision: 0,

@@ -21,6 +21,7 @@ pub mod watch;
 
 mod bytes;
 mod error;
+mod length;
 mod material;
 mod names;
 mod scheme;

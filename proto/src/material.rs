@@ -21,7 +21,7 @@ pub struct Material {
 }
 
 impl Default for Material {
-    /// The viscous clay of [KHMH03]: 20 N·s/m on each square centimetre of blade, without yield.
+    /// The viscous clay of `[KHMH03]`: 20 N·s/m on each square centimetre of blade, without yield.
     fn default() -> Self {
         Self {
             viscosity_pa_s_per_m: 2e5,

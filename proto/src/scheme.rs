@@ -14,13 +14,13 @@ words! {
     #[derive(Default, Serialize, Deserialize, ToSchema)]
     #[serde(rename_all = "snake_case")]
     pub enum Scheme: "scheme" {
-        /// Each side integrates its own force and the last one received of the other side, [KHMH03] (21)–(22).
+        /// Each side integrates its own force and the last one received of the other side, `[KHMH03]` (21)–(22).
         ForceExchange = 0 "force_exchange",
         /// Position forward, force back: the classical baseline, unstable under delay.
         PositionForce = 1 "position_force",
-        /// Wave variables, [NS91].
+        /// Wave variables, `[NS91]`.
         Wave = 2 "wave",
-        /// Time-domain passivity, [HR02] and for two ports with delay [RAP10].
+        /// Time-domain passivity, `[HR02]` and for two ports with delay `[RAP10]`.
         Tdpa = 3 "tdpa",
         /// The handle cuts its own copy of the clay; the server stays the authority.
         #[default]
@@ -28,7 +28,7 @@ words! {
     }
 }
 
-/// How many axes move: 2 are x and y, as in [KHMH03], 3 adds z. An axis that does not move stays at its home.
+/// How many axes move: 2 are x and y, as in `[KHMH03]`, 3 adds z. An axis that does not move stays at its home.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(try_from = "u8", into = "u8")]
 pub enum Axes {

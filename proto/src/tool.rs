@@ -4,8 +4,10 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use crate::http::{FieldError, Validate, check};
+use crate::length::to_nanometres;
 
-/// The shape of a tool. In JSON `{"kind": "ball", "radius_m": 0.0064}`.
+/// The shape of a tool. In JSON `{"kind": "ball", "radius_m": 0.0064}`; lengths are kept to the nanometre, so that every
+/// reader has the same.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(tag = "kind", rename_all = "snake_case", try_from = "RawTool")]
 pub enum ToolDescription {
@@ -81,23 +83,18 @@ impl TryFrom<RawTool> for ToolDescription {
     type Error = &'static str;
 
     fn try_from(raw: RawTool) -> Result<Self, Self::Error> {
-        match (
-            raw.kind,
-            raw.radius_m,
-            raw.width_m,
-            raw.height_m,
-            raw.thickness_m,
-        ) {
-            (RawKind::Ball, Some(radius_m), None, None, None) => Ok(Self::Ball { radius_m }),
-            (RawKind::Ball, ..) => Err("a ball has a radius_m and nothing else"),
-            (RawKind::Blade, None, Some(width_m), Some(height_m), Some(thickness_m)) => {
+        let lengths = [raw.radius_m, raw.width_m, raw.height_m, raw.thickness_m];
+        match (raw.kind, lengths.map(|length| length.map(to_nanometres))) {
+            (RawKind::Ball, [Some(radius_m), None, None, None]) => Ok(Self::Ball { radius_m }),
+            (RawKind::Ball, _) => Err("a ball has a radius_m and nothing else"),
+            (RawKind::Blade, [None, Some(width_m), Some(height_m), Some(thickness_m)]) => {
                 Ok(Self::Blade {
                     width_m,
                     height_m,
                     thickness_m,
                 })
             }
-            (RawKind::Blade, ..) => {
+            (RawKind::Blade, _) => {
                 Err("a blade has a width_m, a height_m, a thickness_m and nothing else")
             }
         }

@@ -1,5 +1,7 @@
 //! Ten million hostile inputs. No decoder may panic, and whatever one accepts must encode to the very bytes it came from.
 
+#![allow(clippy::print_stdout, reason = "the counts are the result")]
+
 use teleclay_proto::frame::{HandleFrame, Header, MAX_FRAME, SweepRecord, ToolFrame};
 use teleclay_proto::keys::Key;
 use teleclay_proto::watch::{

@@ -10,6 +10,7 @@ use utoipa::openapi::schema::{ObjectBuilder, Schema, Type};
 use utoipa::{PartialSchema, ToSchema};
 
 use super::{FieldError, Material, Validate, check};
+use crate::length::{nanometres, to_nanometres};
 
 /// Most voxels along one axis.
 pub const MAX_VOXELS_PER_AXIS: u32 = 512;
@@ -21,7 +22,7 @@ pub const MAX_STEPS: usize = 64;
 const MAX_SIZE_M: f64 = 10.0;
 /// Extent of a block that is not told otherwise, m.
 const DEFAULT_SIZE_M: [f64; 3] = [0.128, 0.064, 0.064];
-/// Where the steps of the cutting experiment begin and end, [KHMH03] Fig. 7.
+/// Where the steps of the cutting experiment begin and end, `[KHMH03]` Fig. 7.
 const DEFAULT_EDGES_M: [f64; 4] = [0.03, 0.06, 0.09, 0.12];
 /// Depths of cut that give the experiment's 20, 40 and 60 N·s/m with its 10 mm blade in the default clay.
 const DEFAULT_DEPTHS_OF_CUT_M: [f64; 3] = [0.01, 0.02, 0.03];
@@ -33,7 +34,7 @@ const DEFAULT_WIDTH_M: f64 = 0.064;
 /// The shape of a fresh block. In JSON `{"kind": "block", "size_m": [0.128, 0.064, 0.064]}`.
 ///
 /// The clay's frame has its origin at a corner of the block, z up; the block fills `[0, size]` along each axis. Whatever is
-/// left out takes its default.
+/// left out takes its default; lengths are kept to the nanometre, so that every reader has the same.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(tag = "kind", rename_all = "snake_case", try_from = "RawShape")]
 pub enum ClayShape {
@@ -69,6 +70,7 @@ pub struct ClaySpec {
     pub shape: ClayShape,
     /// Edge of a voxel, m.
     #[schema(minimum = 1e-5, maximum = 0.1)]
+    #[serde(deserialize_with = "nanometres")]
     pub voxel_size_m: f64,
 }
 
@@ -311,41 +313,31 @@ impl TryFrom<RawShape> for ClayShape {
     type Error = &'static str;
 
     fn try_from(raw: RawShape) -> Result<Self, Self::Error> {
-        match raw {
-            RawShape {
-                kind: RawKind::Block,
-                size_m,
-                edges_m: None,
-                depths_of_cut_m: None,
-                base_m: None,
-                width_m: None,
-            } => Ok(Self::Block {
-                size_m: size_m.unwrap_or(DEFAULT_SIZE_M),
-            }),
-            RawShape {
-                kind: RawKind::Block,
-                ..
-            } => Err("a block has a size_m and nothing else"),
-            RawShape {
-                kind: RawKind::Stepped,
-                size_m: None,
-                edges_m,
-                depths_of_cut_m,
-                base_m,
-                width_m,
-            } => Ok(Self::Stepped {
-                edges_m: edges_m.unwrap_or_else(|| DEFAULT_EDGES_M.to_vec()),
-                depths_of_cut_m: depths_of_cut_m
-                    .unwrap_or_else(|| DEFAULT_DEPTHS_OF_CUT_M.to_vec()),
-                base_m: base_m.unwrap_or(DEFAULT_BASE_M),
-                width_m: width_m.unwrap_or(DEFAULT_WIDTH_M),
-            }),
-            RawShape {
-                kind: RawKind::Stepped,
-                ..
-            } => Err(
+        let only_size = raw.edges_m.is_none()
+            && raw.depths_of_cut_m.is_none()
+            && raw.base_m.is_none()
+            && raw.width_m.is_none();
+        match raw.kind {
+            RawKind::Block if only_size => {
+                let size_m = raw.size_m.unwrap_or(DEFAULT_SIZE_M).map(to_nanometres);
+                Ok(Self::Block { size_m })
+            }
+            RawKind::Block => Err("a block has a size_m and nothing else"),
+            RawKind::Stepped if raw.size_m.is_some() => Err(
                 "a stepped block has edges_m, depths_of_cut_m, a base_m and a width_m, and no size_m",
             ),
+            RawKind::Stepped => {
+                let list = |lengths_m: Option<Vec<f64>>, default_m: &[f64]| {
+                    let lengths_m = lengths_m.unwrap_or_else(|| default_m.to_vec());
+                    lengths_m.into_iter().map(to_nanometres).collect()
+                };
+                Ok(Self::Stepped {
+                    edges_m: list(raw.edges_m, &DEFAULT_EDGES_M),
+                    depths_of_cut_m: list(raw.depths_of_cut_m, &DEFAULT_DEPTHS_OF_CUT_M),
+                    base_m: to_nanometres(raw.base_m.unwrap_or(DEFAULT_BASE_M)),
+                    width_m: to_nanometres(raw.width_m.unwrap_or(DEFAULT_WIDTH_M)),
+                })
+            }
         }
     }
 }

@@ -1,0 +1,650 @@
+//! What is written is what is read, for any values.
+
+use proptest::array::uniform3;
+use proptest::collection::vec;
+use proptest::prelude::*;
+use teleclay_proto::frame::{
+    Engagement, HandleFrame, Header, LoopStatus, MAX_FRAME, MAX_SWEEPS, SweepRecord, SweepRefusal,
+    Sweeps, SweepsFull, ToolFrame,
+};
+use teleclay_proto::http::{
+    Burst, ClayHash, ClayShape, ClaySpec, Impairment, JitterDistribution, Material, Network,
+    NetworkPatch, NewSession, Outage, Validate, parse,
+};
+use teleclay_proto::join::{JoinReply, LoopParameters, RefusalCode};
+use teleclay_proto::keys::{Key, Leaf, SessionKeys};
+use teleclay_proto::watch::{
+    BRICK_VOXELS, BrickBody, BrickContent, BricksHeader, BricksView, BricksWriter, MAX_PACKED,
+    MAX_SAMPLES, Message, Picture, TelemetryBatch, TelemetrySample, TelemetryView, TooManySamples,
+    pack, renumber, unpack,
+};
+use teleclay_proto::{FrameError, NodeName, Scheme, SessionId, ToolDescription, is_after};
+
+fn any_header() -> impl Strategy<Value = Header> {
+    let numbers = (
+        any::<[u32; 4]>(),
+        any::<[u64; 2]>(),
+        any::<u16>(),
+        0..Scheme::ALL.len(),
+    );
+    numbers.prop_map(
+        |([lease, sequence, echo_hold_ns, clay_epoch], [sent_ns, echo_ns], revision, scheme)| {
+            Header {
+                lease,
+                sequence,
+                sent_ns,
+                echo_ns,
+                echo_hold_ns,
+                scheme: Scheme::ALL[scheme],
+                revision,
+                clay_epoch,
+            }
+        },
+    )
+}
+
+fn any_sweep() -> impl Strategy<Value = SweepRecord> {
+    any::<(u32, [i32; 3], [i32; 3])>().prop_map(|(sequence, from, to)| SweepRecord {
+        sequence,
+        from,
+        to,
+    })
+}
+
+/// Any bits at all: infinities, subnormals and every NaN.
+fn any_vectors<const N: usize>() -> impl Strategy<Value = [[f64; 3]; N]> {
+    proptest::array::uniform::<_, N>(uniform3(any::<u64>().prop_map(f64::from_bits)))
+}
+
+fn any_handle_frame() -> impl Strategy<Value = HandleFrame> {
+    let engagement = 0..Engagement::ALL.len();
+    let sweeps = (any::<u32>(), vec(any_sweep(), 0..=MAX_SWEEPS));
+    (
+        any_header(),
+        engagement,
+        any_vectors::<7>(),
+        any::<u64>(),
+        sweeps,
+    )
+        .prop_map(
+            |(header, engagement, vectors, clay_hash, (oldest, records))| {
+                let mut sweeps = Sweeps::new(oldest);
+                for record in records {
+                    sweeps.push(record).expect("no more than fit");
+                }
+                let [
+                    position_m,
+                    velocity_m_s,
+                    hand_force_n,
+                    felt_force_n,
+                    wave,
+                    wave_integral,
+                    energy_in_j,
+                ] = vectors;
+                HandleFrame {
+                    header,
+                    engagement: Engagement::ALL[engagement],
+                    position_m,
+                    velocity_m_s,
+                    hand_force_n,
+                    felt_force_n,
+                    wave,
+                    wave_integral,
+                    energy_in_j,
+                    clay_hash,
+                    sweeps,
+                }
+            },
+        )
+}
+
+fn any_tool_frame() -> impl Strategy<Value = ToolFrame> {
+    let words = (0..LoopStatus::ALL.len(), 0..SweepRefusal::ALL.len());
+    (
+        any_header(),
+        words,
+        any_vectors::<6>(),
+        any::<[u64; 2]>(),
+        any::<[u32; 2]>(),
+    )
+        .prop_map(
+            |(
+                header,
+                (status, refusal),
+                vectors,
+                [area, clay_hash],
+                [sweeps_acknowledged, sweeps_refused],
+            )| {
+                let [
+                    position_m,
+                    velocity_m_s,
+                    force_n,
+                    wave,
+                    wave_integral,
+                    energy_in_j,
+                ] = vectors;
+                ToolFrame {
+                    header,
+                    status: LoopStatus::ALL[status],
+                    refusal: SweepRefusal::ALL[refusal],
+                    position_m,
+                    velocity_m_s,
+                    force_n,
+                    wave,
+                    wave_integral,
+                    energy_in_j,
+                    engaged_area_m2: f64::from_bits(area),
+                    sweeps_acknowledged,
+                    sweeps_refused,
+                    clay_hash,
+                }
+            },
+        )
+}
+
+fn any_sample() -> impl Strategy<Value = TelemetrySample> {
+    let vectors = proptest::array::uniform7(uniform3(-1e6_f32..1e6));
+    (vectors, uniform3(-1e6_f32..1e6)).prop_map(
+        |(vectors, [energy_handle_j, energy_tool_j, rtt_s])| {
+            let [
+                hand_force_n,
+                felt_force_n,
+                tool_force_n,
+                handle_position_m,
+                tool_position_m,
+                handle_velocity_m_s,
+                tool_velocity_m_s,
+            ] = vectors;
+            TelemetrySample {
+                hand_force_n,
+                felt_force_n,
+                tool_force_n,
+                handle_position_m,
+                tool_position_m,
+                handle_velocity_m_s,
+                tool_velocity_m_s,
+                energy_handle_j,
+                energy_tool_j,
+                rtt_s,
+            }
+        },
+    )
+}
+
+/// Bricks as clay makes them: runs of a few occupancies, from one voxel long to all of them.
+fn any_brick() -> impl Strategy<Value = Box<[u8; BRICK_VOXELS]>> {
+    vec(
+        (1..400_usize, prop_oneof![Just(0), Just(255), any::<u8>()]),
+        1..300,
+    )
+    .prop_map(|runs| {
+        let mut voxels = Box::new([0; BRICK_VOXELS]);
+        let mut values = runs
+            .iter()
+            .cycle()
+            .flat_map(|&(length, value)| std::iter::repeat_n(value, length));
+        voxels.fill_with(|| values.next().expect("the runs go round"));
+        voxels
+    })
+}
+
+/// A decimal number as people and programs write it. Up to 15 digits survive JSON to the last bit.
+fn decimal(least: i64, most: i64) -> impl Strategy<Value = f64> {
+    (least * 1_000_000..=most * 1_000_000).prop_map(|millionths| millionths as f64 / 1e6)
+}
+
+fn any_impairment() -> impl Strategy<Value = Impairment> {
+    let share = || decimal(0, 1);
+    let burst = proptest::option::of([share(), share(), share()]).prop_map(|burst| {
+        burst.map(|[enter, leave, loss_in_burst]| Burst {
+            enter,
+            leave,
+            loss_in_burst,
+        })
+    });
+    let outage = proptest::option::of((decimal(1, 3600), share())).prop_map(|outage| {
+        outage.map(|(every_s, part)| Outage {
+            every_s,
+            length_s: part / 2.0,
+        })
+    });
+    let jitter = prop_oneof![
+        Just(JitterDistribution::Normal),
+        Just(JitterDistribution::HeavyTailed)
+    ];
+    (
+        (decimal(0, 2), share(), share(), 0..1_u64 << 53),
+        (jitter, share(), share(), burst, outage),
+    )
+        .prop_map(
+            |(
+                (delay_s, jitter_s, loss, seed),
+                (jitter_distribution, duplicate, reorder, burst, outage),
+            )| Impairment {
+                delay_s,
+                jitter_s,
+                loss,
+                seed,
+                jitter_distribution,
+                duplicate,
+                reorder,
+                burst,
+                outage,
+            },
+        )
+}
+
+proptest! {
+    #[test]
+    fn handle_frames(frame in any_handle_frame()) {
+        let mut buffer = [0xaa; MAX_FRAME];
+        let bytes = frame.encode(&mut buffer).to_vec();
+        prop_assert_eq!(bytes.len(), 224 + 28 * frame.sweeps.len());
+        let decoded = HandleFrame::decode(&bytes).expect("it was encoded");
+        // NaN is not equal to itself, so the bytes are compared, and field by field what a swap would show in.
+        prop_assert_eq!(decoded.encode(&mut buffer), bytes);
+        prop_assert_eq!(decoded.header, frame.header);
+        prop_assert_eq!(decoded.engagement, frame.engagement);
+        prop_assert_eq!(decoded.clay_hash, frame.clay_hash);
+        prop_assert_eq!(&decoded.sweeps, &frame.sweeps);
+        prop_assert_eq!(decoded.sweeps.iter().count(), frame.sweeps.len());
+    }
+
+    #[test]
+    fn tool_frames(frame in any_tool_frame()) {
+        let mut buffer = [0xaa; MAX_FRAME];
+        let bytes = frame.encode(&mut buffer).to_vec();
+        prop_assert_eq!(bytes.len(), 216);
+        let decoded = ToolFrame::decode(&bytes).expect("it was encoded");
+        prop_assert_eq!(decoded.encode(&mut buffer), bytes);
+        prop_assert_eq!(decoded.header, frame.header);
+        prop_assert_eq!((decoded.status, decoded.refusal), (frame.status, frame.refusal));
+        prop_assert_eq!(decoded.sweeps_acknowledged, frame.sweeps_acknowledged);
+        prop_assert_eq!(decoded.sweeps_refused, frame.sweeps_refused);
+    }
+
+    /// A frame that lost its end, at whatever byte, is never taken for a shorter one.
+    #[test]
+    fn no_front_of_a_frame_is_a_frame(frame in any_handle_frame(), cut in 0.0..1.0) {
+        let mut buffer = [0; MAX_FRAME];
+        let bytes = frame.encode(&mut buffer);
+        let front = &bytes[..(cut * bytes.len() as f64) as usize];
+        let error = HandleFrame::decode(front).expect_err("the end is missing");
+        let is_short = matches!(error, FrameError::TooShort { got, need } if got == front.len() && got < need);
+        prop_assert!(is_short, "{error}");
+    }
+
+    #[test]
+    fn telemetry(
+        numbers: [u32; 4],
+        first_time_s in -1e9..1e9,
+        samples in vec(any_sample(), 0..40),
+    ) {
+        let [sequence, tool, period_us, dropped] = numbers;
+        let batch = TelemetryBatch { sequence, tool, period_us, dropped, first_time_s };
+        let mut message = Vec::new();
+        batch.encode(&samples, &mut message).expect("few samples");
+        prop_assert_eq!(message.len(), 32 + 96 * samples.len());
+        let view = TelemetryView::decode(&message).expect("it was encoded");
+        prop_assert_eq!(view.batch, batch);
+        prop_assert_eq!(view.len(), samples.len());
+        prop_assert_eq!(view.iter().collect::<Vec<_>>(), samples);
+    }
+
+    #[test]
+    fn packed_bricks(voxels in any_brick()) {
+        let mut packed = b"before".to_vec();
+        pack(&voxels, &mut packed);
+        prop_assert_eq!(&packed[..6], b"before");
+        let packed = &packed[6..];
+        prop_assert!(packed.len() <= MAX_PACKED);
+        let mut again = Box::new([0xaa; BRICK_VOXELS]);
+        unpack(packed, &mut again).expect("it was packed");
+        prop_assert!(again == voxels);
+    }
+
+    /// Residuals of one and zero in any pattern: what is hardest on the longest a packing may get.
+    #[test]
+    fn packed_patterns_keep_to_the_bound(pattern in vec(1..200_usize, 2..40)) {
+        let mut voxels = [0_u8; BRICK_VOXELS];
+        let runs = pattern.iter().cycle().enumerate();
+        let residuals = runs.flat_map(|(run, &length)| std::iter::repeat_n(run as u8 % 2, length));
+        for (voxel, residual) in residuals.take(BRICK_VOXELS).enumerate() {
+            let before = if voxel < 16 { 0 } else { voxels[voxel - 16] };
+            voxels[voxel] = residual.wrapping_add(before);
+        }
+        let mut packed = Vec::new();
+        pack(&voxels, &mut packed);
+        prop_assert!(packed.len() <= MAX_PACKED, "{} bytes", packed.len());
+        let mut again = [0xaa; BRICK_VOXELS];
+        unpack(&packed, &mut again).expect("it was packed");
+        prop_assert!(again == voxels);
+    }
+
+    /// However the writer splits, the parts together hold every brick once, in order, and only the first says "forget".
+    #[test]
+    fn bricks_in_parts(
+        bricks in vec((0..600_u32, proptest::option::of(any_brick())), 0..40),
+        longest in 0..20_000_usize,
+        sequence: u32,
+        whole: bool,
+    ) {
+        let picture = if whole { Picture::Whole } else { Picture::Changes };
+        let header = BricksHeader {
+            sequence, clay_epoch: 9, bricks_per_axis: [10, 10, 6], picture, voxel_size_m: 5e-4,
+        };
+        let mut writer = BricksWriter::new(header, longest);
+        for (index, voxels) in &bricks {
+            let content = voxels.as_ref().map_or(BrickContent::Full, |voxels| BrickContent::Voxels(voxels));
+            writer.push(*index, content).expect("the grid has 600 bricks");
+        }
+        let messages = writer.finish();
+        prop_assert_eq!(messages.is_empty(), bricks.is_empty() && !whole);
+        let mut told = Vec::new();
+        for (part, message) in messages.iter().enumerate() {
+            let view = BricksView::decode(message).expect("it was encoded");
+            let picture = if part == 0 { picture } else { Picture::Changes };
+            let sequence = sequence.wrapping_add(part as u32);
+            prop_assert_eq!(view.header, BricksHeader { sequence, picture, ..header });
+            prop_assert!(message.len() <= longest || view.len() <= 1, "{} bytes", message.len());
+            for brick in view.iter() {
+                let mut voxels = Box::new([0xaa; BRICK_VOXELS]);
+                brick.body.unpack(&mut voxels);
+                told.push((brick.index, voxels));
+            }
+        }
+        let full = || Box::new([255; BRICK_VOXELS]);
+        let wanted: Vec<_> =
+            bricks.into_iter().map(|(index, voxels)| (index, voxels.unwrap_or_else(full))).collect();
+        prop_assert!(told == wanted);
+    }
+
+    #[test]
+    fn a_message_takes_another_number(old: u32, new: u32) {
+        let mut message = Vec::new();
+        let batch = TelemetryBatch { sequence: old, tool: 3, ..TelemetryBatch::default() };
+        batch.encode(&[], &mut message).expect("no samples");
+        renumber(&mut message, new).expect("it is a message");
+        let view = TelemetryView::decode(&message).expect("it still is one");
+        prop_assert_eq!(view.batch, TelemetryBatch { sequence: new, ..batch });
+    }
+
+    #[test]
+    fn names_and_keys(
+        node in "[a-z0-9_-]{1,64}",
+        session in "[a-z0-9_-]{1,64}",
+        number: u32,
+        leaf in 0..10_usize,
+    ) {
+        let leaves = [
+            Leaf::Join, Leaf::Leave, Leaf::Parameters, Leaf::ToolUp(number), Leaf::ToolDown(number),
+            Leaf::ClayBricks, Leaf::ClaySnapshot, Leaf::ClayFresh, Leaf::State, Leaf::Operator(number),
+        ];
+        let node = NodeName::new(node).expect("the pattern is the rule");
+        let session = SessionId::new(session).expect("the pattern is the rule");
+        let keys = SessionKeys::new(node, session);
+        let text = keys.key(leaves[leaf]);
+        prop_assert_eq!(text.parse(), Ok(Key::Session(keys, leaves[leaf])));
+    }
+
+    #[test]
+    fn no_other_text_is_a_name(text in ".{0,70}") {
+        let good = (1..=64).contains(&text.len())
+            && text.bytes().all(|byte| matches!(byte, b'a'..=b'z' | b'0'..=b'9' | b'_' | b'-'));
+        prop_assert_eq!(SessionId::new(text.clone()).is_ok(), good);
+        let json = serde_json::to_string(&text).expect("text prints");
+        prop_assert_eq!(serde_json::from_str::<NodeName>(&json).is_ok(), good);
+    }
+
+    #[test]
+    fn hashes(hash: u64) {
+        let text = ClayHash(hash).to_string();
+        prop_assert_eq!(text.len(), 16);
+        prop_assert_eq!(text.parse(), Ok(ClayHash(hash)));
+        prop_assert!(text.to_uppercase() == text || text.to_uppercase().parse::<ClayHash>().is_err());
+        prop_assert!(text[1..].parse::<ClayHash>().is_err());
+    }
+
+    #[test]
+    fn networks_through_json(up in any_impairment(), down in any_impairment(), before in any_impairment()) {
+        let network = Network { up, down };
+        prop_assert_eq!(network.validate(), Ok(()));
+        let json = serde_json::to_string(&network).expect("it prints");
+        prop_assert_eq!(parse::<Network>(json.as_bytes()), Ok(network));
+        // A change that names every field leaves nothing of what was before.
+        let patch = NetworkPatch::from(network);
+        let json = serde_json::to_string(&patch).expect("it prints");
+        let patch: NetworkPatch = parse(json.as_bytes()).expect("it keeps the ranges");
+        prop_assert_eq!(patch.apply(Network { up: before, down: before }), network);
+    }
+
+    #[test]
+    fn parameters_through_json(
+        mass in decimal(1, 100),
+        viscosity_pa_s_per_m in decimal(0, 10_000_000),
+        home_m in uniform3(decimal(-1, 1)),
+    ) {
+        let material = Material { viscosity_pa_s_per_m, ..Material::default() };
+        let parameters = LoopParameters {
+            virtual_mass_kg: mass, home_m, reach_m: [[-1.0; 3], [1.0; 3]], material, ..LoopParameters::default()
+        };
+        prop_assert_eq!(parameters.validate(), Ok(()));
+        let json = serde_json::to_string(&parameters).expect("it prints");
+        prop_assert_eq!(parse::<LoopParameters>(json.as_bytes()), Ok(parameters));
+    }
+
+    /// The two sides' clay is the same only if the tool, the block and the voxels are, to the last bit. Some readers of JSON
+    /// are wrong in the last bit of a number of 16 or 17 digits, so what both have is the nearest nanometre.
+    #[test]
+    fn lengths_that_both_sides_need_are_the_same_for_every_reader(
+        nanometres in proptest::array::uniform7(1_000_000..10_000_000_i64),
+        between in -0.4..0.4,
+    ) {
+        let asked = nanometres.map(|nanometres| (nanometres as f64 + between) / 1e9);
+        let wanted = nanometres.map(|nanometres| nanometres as f64 / 1e9);
+        for build in [block_and_ball, steps_and_blade] {
+            let session = build(asked);
+            let json = serde_json::to_string(&session).expect("it prints");
+            let server: NewSession = parse(json.as_bytes()).expect("it is sound");
+            prop_assert_eq!(&server, &build(wanted));
+            let json = serde_json::to_string(&server).expect("it prints");
+            prop_assert_eq!(parse::<NewSession>(json.as_bytes()), Ok(server));
+        }
+    }
+
+    /// The order is that of the numbers before they wrapped.
+    #[test]
+    fn wrapped_numbers_keep_their_order(start: u64, ahead in 1..1_u64 << 31) {
+        let (before, after) = (start as u32, start.wrapping_add(ahead) as u32);
+        prop_assert!(is_after(after, before));
+        prop_assert!(!is_after(before, after));
+    }
+}
+
+fn block_and_ball([radius_m, x, y, z, voxel_size_m, ..]: [f64; 7]) -> NewSession {
+    let clay = ClaySpec {
+        shape: ClayShape::Block { size_m: [x, y, z] },
+        voxel_size_m,
+    };
+    NewSession {
+        clay,
+        tool: ToolDescription::Ball { radius_m },
+        ..NewSession::new(SessionId::new("a").expect("a name"))
+    }
+}
+
+fn steps_and_blade(
+    [
+        edge,
+        depth,
+        base_m,
+        width_m,
+        voxel_size_m,
+        height_m,
+        thickness_m,
+    ]: [f64; 7],
+) -> NewSession {
+    let shape = ClayShape::Stepped {
+        edges_m: vec![0.0, edge],
+        depths_of_cut_m: vec![depth],
+        base_m,
+        width_m,
+    };
+    let clay = ClaySpec {
+        shape,
+        voxel_size_m,
+    };
+    let tool = ToolDescription::Blade {
+        width_m,
+        height_m,
+        thickness_m,
+    };
+    NewSession {
+        clay,
+        tool,
+        ..NewSession::new(SessionId::new("a").expect("a name"))
+    }
+}
+
+#[test]
+fn a_list_of_sweeps_takes_24_and_no_more() {
+    let mut sweeps = Sweeps::default();
+    assert!(sweeps.is_empty());
+    assert_eq!(sweeps.oldest_unacknowledged, 1);
+    let sweep = |sequence| SweepRecord {
+        sequence,
+        from: [0; 3],
+        to: [1; 3],
+    };
+    for sequence in 0..24 {
+        assert!(!sweeps.is_full());
+        assert_eq!(sweeps.push(sweep(sequence)), Ok(()));
+    }
+    assert!(sweeps.is_full());
+    assert_eq!(sweeps.push(sweep(24)), Err(SweepsFull));
+    assert!(sweeps.iter().map(|sweep| sweep.sequence).eq(0..24));
+    sweeps.clear();
+    assert!(sweeps.is_empty());
+    // What is no longer in the list does not make two lists differ, nor reach the wire.
+    assert_eq!(sweeps, Sweeps::default());
+    let mut buffer = [0; MAX_FRAME];
+    let frame = HandleFrame {
+        sweeps,
+        ..HandleFrame::default()
+    };
+    assert_eq!(frame.encode(&mut buffer).len(), 224);
+}
+
+#[test]
+fn the_longest_frame_fills_the_buffer() {
+    let mut frame = HandleFrame::default();
+    while frame
+        .sweeps
+        .push(SweepRecord {
+            sequence: 1,
+            from: [0; 3],
+            to: [0; 3],
+        })
+        .is_ok()
+    {}
+    assert_eq!(frame.encode(&mut [0; MAX_FRAME]).len(), MAX_FRAME);
+    assert_eq!(MAX_FRAME, 896);
+}
+
+#[test]
+fn a_batch_of_too_many_samples_is_not_written() {
+    let mut message = b"as it was".to_vec();
+    let samples = vec![TelemetrySample::default(); MAX_SAMPLES + 1];
+    let batch = TelemetryBatch::default();
+    assert_eq!(
+        batch.encode(&samples, &mut message),
+        Err(TooManySamples {
+            got: MAX_SAMPLES + 1
+        })
+    );
+    assert_eq!(message, b"as it was");
+    batch
+        .encode(&samples[1..], &mut message)
+        .expect("as many as fit");
+    assert!(message.len() <= 256 * 1024);
+    assert_eq!(
+        TelemetryView::decode(&message)
+            .expect("it was encoded")
+            .len(),
+        MAX_SAMPLES
+    );
+}
+
+#[test]
+fn bricks_of_one_value_are_told_in_a_word() {
+    let header = BricksHeader {
+        bricks_per_axis: [2, 1, 1],
+        ..BricksHeader::default()
+    };
+    let mut writer = BricksWriter::new(header, usize::MAX);
+    writer
+        .push(0, BrickContent::Voxels(&[0; BRICK_VOXELS]))
+        .expect("it lies in the grid");
+    writer
+        .push(1, BrickContent::Voxels(&[255; BRICK_VOXELS]))
+        .expect("it lies in the grid");
+    let outside = FrameError::BrickOutsideGrid {
+        index: 2,
+        bricks: 2,
+    };
+    assert_eq!(writer.push(2, BrickContent::Full), Err(outside));
+    let messages = writer.finish();
+    let Message::Bricks(view) = Message::decode(&messages[0]).expect("it was encoded") else {
+        panic!("a message of bricks");
+    };
+    let bodies: Vec<_> = view.iter().map(|brick| brick.body).collect();
+    assert_eq!(bodies, [BrickBody::Empty, BrickBody::Full]);
+}
+
+#[test]
+fn what_is_no_message_keeps_its_number() {
+    let mut frame = [0; MAX_FRAME];
+    ToolFrame::default().encode(&mut frame);
+    let before = frame;
+    assert!(renumber(&mut frame, 7).is_err());
+    assert!(renumber(&mut [], 7).is_err());
+    assert_eq!(frame, before);
+}
+
+#[test]
+fn every_word_is_read_as_it_is_written() {
+    for scheme in Scheme::ALL {
+        let json = serde_json::to_value(scheme).expect("it prints");
+        assert_eq!(json, scheme.to_string());
+        assert_eq!(scheme.word().parse(), Ok(*scheme));
+    }
+    let error = "waves"
+        .parse::<Scheme>()
+        .expect_err("there is no such scheme");
+    assert_eq!(
+        error.to_string(),
+        r#"`waves` is not a scheme, wanted one of ["force_exchange", "position_force", "wave", "tdpa", "replica"]"#
+    );
+    assert!("".parse::<LoopStatus>().is_err());
+    assert_eq!("out_of_reach".parse(), Ok(SweepRefusal::OutOfReach));
+    assert_eq!("leaving".parse(), Ok(Engagement::Leaving));
+}
+
+#[test]
+fn a_reply_is_one_of_two_and_has_nothing_extra() {
+    let refused = br#"{"outcome":"refused","code":"fault","reason":"force was NaN"}"#;
+    let reply = JoinReply::Refused {
+        code: RefusalCode::Fault,
+        reason: "force was NaN".to_owned(),
+    };
+    assert_eq!(parse(refused), Ok(reply));
+    for bad in [
+        r#"{"outcome":"refused","code":"fault","reason":"","lease":1}"#,
+        r#"{"outcome":"refused","code":"boredom","reason":""}"#,
+        r#"{"outcome":"granted"}"#,
+        r#"{"outcome":"left"}"#,
+        r#"{"code":"fault","reason":""}"#,
+    ] {
+        assert!(parse::<JoinReply>(bad.as_bytes()).is_err(), "{bad}");
+    }
+}
