@@ -7,6 +7,9 @@ use std::str::FromStr;
 
 use anyhow::{Context, Result};
 
+/// A free port's neighbour is nearly always free; so many pairs in vain mean that something else is wrong.
+const PAIRS_TRIED: u32 = 64;
+
 /// Where the server offers HTTP.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct HttpAddress(SocketAddr);
@@ -67,21 +70,38 @@ enum Transport {
 }
 
 impl ZenohEndpoint {
-    /// A loopback port that is free now.
+    /// A loopback port that is free now, and the next one too.
     pub(super) fn free() -> Result<Self> {
-        Ok(Self {
-            transport: Transport::Tcp,
-            address: free_port()?,
-        })
+        let free = (0..PAIRS_TRIED).find_map(|_| {
+            let endpoint = Self {
+                transport: Transport::Tcp,
+                address: free_port().ok()?,
+            };
+            endpoint.require_free().ok().map(|()| endpoint)
+        });
+        free.context("no two neighbouring loopback ports are free")
     }
 
-    /// Fails when another program listens there.
+    /// Fails when another program listens there, or on the next port: the server carries slow state over that one.
     pub(super) fn require_free(&self) -> Result<()> {
-        let bound = match self.transport {
-            Transport::Tcp => TcpListener::bind(self.address).map(drop),
-            Transport::Udp => UdpSocket::bind(self.address).map(drop),
-        };
-        bound.map_err(|error| in_use(error, &self.to_string(), "--zenoh-listen"))
+        for endpoint in [self, &self.neighbour()?] {
+            let bound = match endpoint.transport {
+                Transport::Tcp => TcpListener::bind(endpoint.address).map(drop),
+                Transport::Udp => UdpSocket::bind(endpoint.address).map(drop),
+            };
+            bound.map_err(|error| in_use(error, &endpoint.to_string(), "--zenoh-listen"))?;
+        }
+        Ok(())
+    }
+
+    fn neighbour(&self) -> Result<Self> {
+        let next = self.address.port().checked_add(1);
+        let port =
+            next.with_context(|| format!("{self} has no next port, and the server needs it too"))?;
+        Ok(Self {
+            address: SocketAddr::new(self.address.ip(), port),
+            ..*self
+        })
     }
 
     /// The endpoint a handle on this machine connects to.
@@ -169,7 +189,24 @@ mod tests {
         );
         drop(taken);
         HttpAddress(address).require_free().unwrap();
+    }
+
+    #[test]
+    fn the_next_port_counts_as_well() {
+        let endpoint = ZenohEndpoint::free().unwrap();
+        let next = endpoint.neighbour().unwrap();
+        let taken = TcpListener::bind(next.address).unwrap();
+        let error = endpoint.require_free().unwrap_err().to_string();
+        assert!(error.contains(&next.to_string()), "{error}");
+        drop(taken);
         endpoint.require_free().unwrap();
+        let last: ZenohEndpoint = "tcp/127.0.0.1:65535".parse().unwrap();
+        assert!(
+            last.require_free()
+                .unwrap_err()
+                .to_string()
+                .contains("next port")
+        );
     }
 
     #[test]

@@ -39,7 +39,16 @@ fn mistakes(file: &Value, exists: impl Fn(&str) -> bool) -> Vec<String> {
                 complain(format!("port {port} is published beyond this machine"));
             }
         }
-        let listens_beyond_loopback = strings(service.get("command"))
+        let mut told = strings(service.get("command"));
+        told.extend(
+            service
+                .get("environment")
+                .and_then(Value::as_object)
+                .into_iter()
+                .flatten()
+                .filter_map(|(_, value)| value.as_str().map(str::to_owned)),
+        );
+        let listens_beyond_loopback = told
             .iter()
             .any(|word| word.contains("0.0.0.0") || word.contains("[::]"));
         let token = service
@@ -177,6 +186,17 @@ volumes:
                 complaints(&text)
             );
         }
+    }
+
+    #[test]
+    fn an_address_in_the_environment_needs_the_token_as_well() {
+        let text = GOOD
+            .replace(r#"["--listen", "0.0.0.0:8080"]"#, "[]")
+            .replace(
+                "TELECLAY_TOKEN: ${TELECLAY_TOKEN:?set it}",
+                "TELECLAY_LISTEN: '[::]:8080'",
+            );
+        assert!(complaints(&text).contains("TELECLAY_TOKEN"));
     }
 
     #[test]

@@ -220,11 +220,12 @@ fn doctest(_: &Workspace, interrupt: &Interrupt) -> Result<()> {
 }
 
 fn browser(workspace: &Workspace, interrupt: &Interrupt) -> Result<()> {
-    let programs = workspace.target.join("release");
-    run(
-        npm_run("browser").env("TELECLAY_BIN_DIR", programs),
-        interrupt,
-    )
+    let mut npm = npm_run("browser");
+    // Only where it is needed: the server under test inherits the variable, and takes each TELECLAY_* for a setting.
+    if workspace.target != root().join("target") {
+        npm.env("TELECLAY_BIN_DIR", workspace.target.join("release"));
+    }
+    run(&mut npm, interrupt)
 }
 
 fn demo_step(_: &Workspace, interrupt: &Interrupt) -> Result<()> {
