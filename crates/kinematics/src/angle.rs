@@ -31,38 +31,62 @@ const COEFFICIENTS: [f64; 11] = [
 /// `atan2(y_i, x_i)` of each pair, within 2e-15 rad. NaN where both are zero.
 #[inline]
 pub(crate) fn directions<const N: usize>(y: &[f64; N], x: &[f64; N]) -> [f64; N] {
+    // One short loop per stage rather than one long loop over pairs: this is the form that becomes vector instructions.
+    let (mut a, mut b) = ([0.0; N], [0.0; N]);
+    for i in 0..N {
+        let (height, width) = (y[i].abs(), x[i].abs());
+        a[i] = if height < width { height } else { width };
+        b[i] = if height < width { width } else { height };
+    }
+    let mut u = [0.0; N];
+    for i in 0..N {
+        let diagonal = TAN_PI_8 * b[i] < a[i];
+        let above = if diagonal { a[i] - b[i] } else { a[i] };
+        let below = if diagonal { a[i] + b[i] } else { b[i] };
+        u[i] = above / below;
+    }
     let mut angles = [0.0; N];
     for i in 0..N {
-        angles[i] = direction(y[i], x[i]);
+        angles[i] = arc_tangent(u[i]);
+    }
+    for i in 0..N {
+        let start = if TAN_PI_8 * b[i] < a[i] {
+            FRAC_PI_4
+        } else {
+            0.0
+        };
+        angles[i] += start;
+    }
+    for i in 0..N {
+        let complement = FRAC_PI_2 - angles[i];
+        angles[i] = if y[i].abs() < x[i].abs() {
+            angles[i]
+        } else {
+            complement
+        };
+    }
+    for i in 0..N {
+        let supplement = PI - angles[i];
+        angles[i] = if x[i] < 0.0 { supplement } else { angles[i] };
+    }
+    for i in 0..N {
+        angles[i] = angles[i].copysign(y[i]);
     }
     angles
 }
 
+/// For `|u| <= tan(pi/8)`.
 #[inline(always)]
-fn direction(y: f64, x: f64) -> f64 {
-    let (height, width) = (y.abs(), x.abs());
-    let steep = width < height;
-    let (a, b) = if steep {
-        (width, height)
-    } else {
-        (height, width)
-    };
-    let diagonal = TAN_PI_8 * b < a;
-    let u = if diagonal { a - b } else { a } / if diagonal { a + b } else { b };
-    let w = u * u;
+fn arc_tangent(u: f64) -> f64 {
     let c = &COEFFICIENTS;
+    let w = u * u;
     // Estrin's order: halves are worked out side by side.
     let w2 = w * w;
     let w4 = w2 * w2;
     let low = (c[0] + c[1] * w) + (c[2] + c[3] * w) * w2;
     let middle = (c[4] + c[5] * w) + (c[6] + c[7] * w) * w2;
     let high = (c[8] + c[9] * w) + c[10] * w2;
-    let tail = low + (middle + high * w4) * w4;
-    let near = u + u * w * tail;
-    let first = if diagonal { FRAC_PI_4 + near } else { near };
-    let second = if steep { FRAC_PI_2 - first } else { first };
-    let half_plane = if x < 0.0 { PI - second } else { second };
-    half_plane.copysign(y)
+    u + u * w * (low + (middle + high * w4) * w4)
 }
 
 #[cfg(test)]

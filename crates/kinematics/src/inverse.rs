@@ -108,10 +108,12 @@ impl Geometry {
             let t = (d_squared + self.squares_m2) * self.half_per_upper;
             let plane = r * r + s * s;
             let v = plane - t * t;
-            if v < 0.0 && (v < -ROUNDING * (plane + t * t) || !v.is_finite()) {
+            // Squares of a position far beyond any robot overflow, and infinity less infinity is not a number.
+            if !v.is_finite() || v < -ROUNDING * (plane + t * t) {
+                let discriminant_m2 = if v.is_nan() { f64::NEG_INFINITY } else { v };
                 return Err(KinematicsError::Unreachable {
                     arm: j + 1,
-                    discriminant_m2: v,
+                    discriminant_m2,
                 });
             }
             // With T as small as its own rounding, position and axis cannot be told apart.

@@ -30,8 +30,9 @@ pub struct Posture {
     lower_m: f64,
 }
 
-/// A measure below this is a singularity: a map through it would magnify rounding to micrometres and beyond.
-const SINGULAR: f64 = 1e-9;
+/// A measure below this is a singularity. The serial one goes with the square root of the distance to the edge of reach,
+/// so rounding of a position at the very edge alone gives 2e-8 or so; a posture that is 1e-7 away is 1e-15 m from it.
+const SINGULAR: f64 = 1e-7;
 
 impl Geometry {
     /// The posture of one branch at a position.
