@@ -11,7 +11,7 @@
 //! | `…/clay/bricks` | publication | bricks that changed, [`watch`](crate::watch) |
 //! | `…/clay/snapshot` | query | answers with every brick, [`watch`](crate::watch) |
 //! | `…/clay/fresh` | query | [`FreshRequest`](crate::join::FreshRequest) |
-//! | `…/state` | publication | [`Session`](crate::http::Session) |
+//! | `…/state` | publication, query | [`Session`](crate::http::Session) |
 //! | `…/operator/<lease>` | liveliness token | an operator is there |
 
 use std::fmt;
@@ -161,6 +161,24 @@ impl SessionKeys {
     }
 }
 
+/// `teleclay/*/session/<id>/join`: asks whichever server has the session. The answer's key names the server.
+#[must_use]
+pub fn join_on_any_node(session: &SessionId) -> String {
+    format!("teleclay/*/session/{session}/join")
+}
+
+/// `teleclay/<node>/session/**`: everything of every session of a server, for its queries.
+#[must_use]
+pub fn everything_on(node: &NodeName) -> String {
+    format!("teleclay/{node}/session/**")
+}
+
+/// `teleclay/<node>/session/*/tool/*/up`: the handle frames of every session of a server.
+#[must_use]
+pub fn every_tool_up_on(node: &NodeName) -> String {
+    format!("teleclay/{node}/session/*/tool/*/up")
+}
+
 /// `teleclay/<node>/alive`
 #[must_use]
 pub fn alive(node: &NodeName) -> String {
@@ -177,7 +195,7 @@ pub enum KeyError {
         got: String,
     },
     /// The node's or the session's part is no name.
-    #[error("`{part}` in key `{got}`")]
+    #[error("`{part}` in key `{got}`: {source}")]
     Name {
         /// The text.
         got: String,
@@ -293,5 +311,52 @@ fn parse_number(key: &str, part: &str) -> Result<u32, KeyError> {
             got: key.to_owned(),
             part: part.to_owned(),
         }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn selectors_are_spelt_as_zenoh_wants_them() {
+        let node = NodeName::new("lab-1").expect("a name");
+        let session = SessionId::new("demo").expect("a name");
+        assert_eq!(join_on_any_node(&session), "teleclay/*/session/demo/join");
+        assert_eq!(everything_on(&node), "teleclay/lab-1/session/**");
+        assert_eq!(
+            every_tool_up_on(&node),
+            "teleclay/lab-1/session/*/tool/*/up"
+        );
+        let keys = SessionKeys::new(node, session);
+        assert_eq!(
+            keys.every_tool_up(),
+            "teleclay/lab-1/session/demo/tool/*/up"
+        );
+        assert_eq!(
+            keys.every_operator(),
+            "teleclay/lab-1/session/demo/operator/*"
+        );
+    }
+
+    #[test]
+    fn errors_say_what_was_wrong() {
+        let error = |key: &str| key.parse::<Key>().expect_err(key).to_string();
+        assert_eq!(
+            error("clay/x"),
+            "key `clay/x` does not start with `teleclay/`"
+        );
+        assert_eq!(
+            error("teleclay/Lab/alive"),
+            "`Lab` in key `teleclay/Lab/alive`: name has 'L' at byte 0, wanted a-z, 0-9, _ or -"
+        );
+        assert_eq!(
+            error("teleclay/a/session/b/tool/07/up"),
+            "`07` in key `teleclay/a/session/b/tool/07/up` is not a number from 0 to 4294967295 in its shortest form"
+        );
+        assert_eq!(
+            error("teleclay/a/session/b/clay"),
+            "key `teleclay/a/session/b/clay` names nothing that exists"
+        );
     }
 }

@@ -61,7 +61,7 @@ pub enum JitterDistribution {
     HeavyTailed,
 }
 
-/// The Gilbert–Elliott model: a channel that is good or bad, and changes from packet to packet.
+/// The model of `[G60]` and `[E63]`: a channel that is good or bad, and changes from packet to packet.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Burst {
