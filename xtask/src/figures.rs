@@ -19,8 +19,9 @@ pub(crate) struct Options {
 
 /// Measures with the release build.
 pub(crate) fn run(options: &Options, interrupt: &Interrupt) -> Result<()> {
-    release::build(interrupt)?;
-    let program = Workspace::find()?.program("teleclay-figures");
+    let workspace = Workspace::find()?;
+    release::build(&workspace, interrupt)?;
+    let program = workspace.program("teleclay-figures");
     let status = command(&program)
         // A relative file name is meant relative to where the person is, not to the workspace.
         .current_dir(std::env::current_dir()?)

@@ -12,15 +12,15 @@ use serde::Deserialize;
 
 use crate::process::{Interrupt, command};
 use crate::progress::Progress;
-use crate::workspace::{cargo, packages_to_build};
+use crate::workspace::{Workspace, cargo, packages_to_build};
 
 /// How long to wait for cargo's next word before the line is redrawn.
 const REDRAW_AFTER: Duration = Duration::from_millis(100);
 
 /// Builds the whole workspace. Always the whole: a selection of packages would have cargo choose other features for what
 /// they share, and then the largest dependency is compiled a second time.
-pub(crate) fn build(interrupt: &Interrupt) -> Result<()> {
-    let total = packages_to_build()?;
+pub(crate) fn build(workspace: &Workspace, interrupt: &Interrupt) -> Result<()> {
+    let total = packages_to_build(workspace, interrupt)?;
     let mut progress = Progress::start("building the release programs", Some(total));
     let mut child = command(cargo())
         .args([

@@ -1,12 +1,13 @@
 //! What cargo knows about this workspace: where it is, where it builds, how much there is to build.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
 use serde::Deserialize;
 
-use crate::process::command;
+use crate::process::{Interrupt, command, run_quietly};
+use crate::tools::answer;
 
 /// The folder that holds the workspace's Cargo.toml.
 pub(crate) fn root() -> &'static Path {
@@ -41,7 +42,7 @@ pub(crate) struct Member {
 impl Workspace {
     /// Asks cargo, without looking at dependencies.
     pub(crate) fn find() -> Result<Self> {
-        let metadata = metadata(&["--no-deps"])?;
+        let metadata = metadata()?;
         let members = metadata
             .packages
             .into_iter()
@@ -72,44 +73,43 @@ impl Workspace {
     }
 }
 
-/// How many packages a build of the workspace compiles on this machine. An estimate for a progress line: a package that
-/// only another platform needs may be among them.
-pub(crate) fn packages_to_build() -> Result<u64> {
-    let metadata = metadata(&["--filter-platform", &host()?])?;
-    let resolve = metadata
-        .resolve
-        .context("cargo metadata resolved nothing")?;
-    let nodes: HashMap<&str, &Node> = resolve
-        .nodes
-        .iter()
-        .map(|node| (node.id.as_str(), node))
-        .collect();
-    let mut seen: HashSet<&str> = HashSet::new();
-    let mut left: Vec<&str> = metadata
-        .workspace_members
-        .iter()
-        .map(String::as_str)
-        .collect();
-    while let Some(id) = left.pop() {
-        if !seen.insert(id) {
-            continue;
-        }
-        let Some(node) = nodes.get(id) else { continue };
-        let built = node.deps.iter().filter(|dependency| {
-            let only_for_tests = |kind: &Kind| kind.kind.as_deref() == Some("dev");
-            !dependency.dep_kinds.iter().all(only_for_tests)
-        });
-        left.extend(built.map(|dependency| dependency.pkg.as_str()));
-    }
-    Ok(seen.len() as u64)
+/// How many packages a build of the workspace compiles on this machine. Downloads them first where some are missing.
+pub(crate) fn packages_to_build(workspace: &Workspace, interrupt: &Interrupt) -> Result<u64> {
+    let tree = if let Ok(tree) = ask_cargo(&TREE) {
+        tree
+    } else {
+        let host = answer(command("rustc").args(["--print", "host-tuple"]))
+            .context("rustc does not say what it builds for")?;
+        let mut fetch = command(cargo());
+        fetch.args(["fetch", "--target", &host]);
+        let log = workspace.target.join("download.log");
+        run_quietly(fetch, "downloading packages", &log, interrupt)?;
+        ask_cargo(&TREE)?
+    };
+    let tree = String::from_utf8(tree).context("cargo tree answered no text")?;
+    // A package that stands there again, its own tree left out, is marked so.
+    let package = |line| str::trim_end_matches(line, " (*)");
+    let packages: HashSet<&str> = tree.lines().map(package).collect();
+    Ok(packages.len() as u64)
 }
+
+/// Every package of a build, one a line. Fails rather than downloading: that may take long, and wants a progress line.
+const TREE: [&str; 9] = [
+    "tree",
+    "--offline",
+    "--workspace",
+    "--edges",
+    "normal,build",
+    "--prefix",
+    "none",
+    "--format",
+    "{p}",
+];
 
 #[derive(Deserialize)]
 struct Metadata {
     packages: Vec<Package>,
-    workspace_members: Vec<String>,
     target_directory: PathBuf,
-    resolve: Option<Resolve>,
 }
 
 #[derive(Deserialize)]
@@ -125,54 +125,24 @@ struct Target {
     kind: Vec<String>,
 }
 
-#[derive(Deserialize)]
-struct Resolve {
-    nodes: Vec<Node>,
+fn metadata() -> Result<Metadata> {
+    let answer = ask_cargo(&["metadata", "--format-version", "1", "--no-deps"])?;
+    serde_json::from_slice(&answer).context("cargo metadata answered something unknown")
 }
 
-#[derive(Deserialize)]
-struct Node {
-    id: String,
-    deps: Vec<Dependency>,
-}
-
-#[derive(Deserialize)]
-struct Dependency {
-    pkg: String,
-    dep_kinds: Vec<Kind>,
-}
-
-#[derive(Deserialize)]
-struct Kind {
-    kind: Option<String>,
-}
-
-fn metadata(arguments: &[&str]) -> Result<Metadata> {
+fn ask_cargo(arguments: &[&str]) -> Result<Vec<u8>> {
+    let what = arguments[0];
     let output = command(cargo())
-        .args(["metadata", "--format-version", "1"])
         .args(arguments)
         .output()
-        .context("cargo metadata cannot be started")?;
+        .with_context(|| format!("cargo {what} cannot be started"))?;
     ensure!(
         output.status.success(),
-        "cargo metadata failed ({}):\n{}",
+        "cargo {what} failed ({}):\n{}",
         output.status,
         String::from_utf8_lossy(&output.stderr)
     );
-    serde_json::from_slice(&output.stdout).context("cargo metadata answered something unknown")
-}
-
-/// The triple of this machine, such as `x86_64-unknown-linux-gnu`.
-fn host() -> Result<String> {
-    let output = command("rustc")
-        .arg("-vV")
-        .output()
-        .context("rustc cannot be started")?;
-    let text = String::from_utf8_lossy(&output.stdout);
-    text.lines()
-        .find_map(|line| line.strip_prefix("host: "))
-        .map(str::to_owned)
-        .context("rustc -vV names no host")
+    Ok(output.stdout)
 }
 
 fn programs(targets: &[Target]) -> Vec<String> {

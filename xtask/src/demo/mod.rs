@@ -68,7 +68,7 @@ pub(crate) fn run(options: &Options, interrupt: &Interrupt) -> Result<()> {
     tools::require_node()?;
     let workspace = Workspace::find()?;
     dashboard::build(&workspace, interrupt)?;
-    release::build(interrupt)?;
+    release::build(&workspace, interrupt)?;
 
     let data = fresh_folder(&workspace)?;
     let client = Client::new(&options.listen.reachable());

@@ -181,8 +181,8 @@ fn wasm(workspace: &Workspace, interrupt: &Interrupt) -> Result<()> {
     Ok(())
 }
 
-fn build(_: &Workspace, interrupt: &Interrupt) -> Result<()> {
-    release::build(interrupt)
+fn build(workspace: &Workspace, interrupt: &Interrupt) -> Result<()> {
+    release::build(workspace, interrupt)
 }
 
 fn test(_: &Workspace, interrupt: &Interrupt) -> Result<()> {
