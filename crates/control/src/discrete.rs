@@ -1,7 +1,6 @@
 //! Sampled systems: coefficients here, memory in [`State`].
 //!
-//! Swapping coefficients under a running state changes gains without a bump as long as the order stays; a replay can
-//! store the state, since it is plain numbers.
+//! One set of coefficients serves any number of axes; a replay can store the states, since they are plain numbers.
 
 use crate::MAX_ORDER;
 use crate::state_space::StateSpace;

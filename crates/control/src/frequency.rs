@@ -12,7 +12,7 @@ use std::f64::consts::FRAC_PI_2;
 
 /// Step over distance to the nearest singular point: neighbours then differ by a quickly converging power series.
 const STEP_RATIO: f64 = 0.125;
-/// Longest step, about a quarter of an octave more than a third.
+/// Longest step, a third of an octave.
 const LONGEST_STEP: f64 = 0.25;
 /// Sharpest resonance that the mesh zooms into; a sharper one is found by its flanks.
 const SHARPEST_RAD: f64 = 1e-6;

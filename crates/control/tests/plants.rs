@@ -161,6 +161,31 @@ fn hold_integrates_exactly() {
     }
 }
 
+/// What cannot be sampled says so, and ends.
+#[test]
+fn plants_out_of_all_proportion_are_refused() {
+    use teleclay_control::{DiscretiseError, RationalFunction, StateSpaceError};
+    let plant = |denominator: &[f64]| {
+        StateSpace::from_rational(&RationalFunction::new(&[1.0], denominator).unwrap())
+    };
+    let explosive = plant(&[1.0, -1e6]).unwrap();
+    assert_eq!(
+        explosive.zoh(1.0),
+        Err(DiscretiseError::Overflow { dt_s: 1.0 })
+    );
+    let fast = plant(&[1.0, 1e200, 1e300]).unwrap();
+    assert_eq!(fast.zoh(1.0), Err(DiscretiseError::Overflow { dt_s: 1.0 }));
+    let at_the_limit = plant(&[1.0, -2000.0]).unwrap();
+    assert_eq!(
+        at_the_limit.tustin(DT_S),
+        Err(DiscretiseError::PoleAtInfinity { rad_s: 2000.0 })
+    );
+    assert_eq!(
+        plant(&[1e-300, 1e300]),
+        Err(StateSpaceError::IllScaled { leading: 1e-300 })
+    );
+}
+
 #[test]
 fn improper_and_timeless_systems_are_refused() {
     let mass = Polynomial::new(&[1.0, 0.0, 0.0]).unwrap();
