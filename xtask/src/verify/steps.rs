@@ -70,7 +70,7 @@ pub(super) const STEPS: [Step; 14] = [
     },
     Step {
         name: "test",
-        what: "every Rust test, unit and integration",
+        what: "every Rust test, unit and integration; the wire's vectors",
         run: test,
     },
     Step {
@@ -292,6 +292,8 @@ fn install_chromium(interrupt: &Interrupt) -> Result<()> {
         "--quiet",
         "--no-install-recommends",
         "chromium",
+        // Without a font the page has no words to look at, and Debian only recommends one.
+        "fonts-liberation",
     ];
     run(
         command("apt-get")
