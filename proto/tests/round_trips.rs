@@ -1,4 +1,4 @@
-//! What is written is what is read, for any values.
+//! Binary messages: what is written is what is read, for any values.
 
 use proptest::array::uniform3;
 use proptest::collection::vec;
@@ -7,18 +7,12 @@ use teleclay_proto::frame::{
     Engagement, HandleFrame, Header, LoopStatus, MAX_FRAME, MAX_SWEEPS, SweepRecord, SweepRefusal,
     Sweeps, SweepsFull, ToolFrame,
 };
-use teleclay_proto::http::{
-    Burst, ClayHash, ClayShape, ClaySpec, Impairment, JitterDistribution, Material, Network,
-    NetworkPatch, NewSession, Outage, Validate, parse,
-};
-use teleclay_proto::join::{JoinReply, LoopParameters, RefusalCode};
-use teleclay_proto::keys::{Key, Leaf, SessionKeys};
 use teleclay_proto::watch::{
     BRICK_VOXELS, BrickBody, BrickContent, BricksHeader, BricksView, BricksWriter, MAX_PACKED,
     MAX_SAMPLES, Message, Picture, TelemetryBatch, TelemetrySample, TelemetryView, TooManySamples,
     pack, renumber, unpack,
 };
-use teleclay_proto::{FrameError, NodeName, Scheme, SessionId, ToolDescription, is_after};
+use teleclay_proto::{FrameError, Scheme, is_after};
 
 fn any_header() -> impl Strategy<Value = Header> {
     let numbers = (
@@ -188,52 +182,6 @@ fn any_brick() -> impl Strategy<Value = Box<[u8; BRICK_VOXELS]>> {
     })
 }
 
-/// A decimal number as people and programs write it. Up to 15 digits survive JSON to the last bit.
-fn decimal(least: i64, most: i64) -> impl Strategy<Value = f64> {
-    (least * 1_000_000..=most * 1_000_000).prop_map(|millionths| millionths as f64 / 1e6)
-}
-
-fn any_impairment() -> impl Strategy<Value = Impairment> {
-    let share = || decimal(0, 1);
-    let burst = proptest::option::of([share(), share(), share()]).prop_map(|burst| {
-        burst.map(|[enter, leave, loss_in_burst]| Burst {
-            enter,
-            leave,
-            loss_in_burst,
-        })
-    });
-    let outage = proptest::option::of((decimal(1, 3600), share())).prop_map(|outage| {
-        outage.map(|(every_s, part)| Outage {
-            every_s,
-            length_s: part / 2.0,
-        })
-    });
-    let jitter = prop_oneof![
-        Just(JitterDistribution::Normal),
-        Just(JitterDistribution::HeavyTailed)
-    ];
-    (
-        (decimal(0, 2), share(), share(), 0..1_u64 << 53),
-        (jitter, share(), share(), burst, outage),
-    )
-        .prop_map(
-            |(
-                (delay_s, jitter_s, loss, seed),
-                (jitter_distribution, duplicate, reorder, burst, outage),
-            )| Impairment {
-                delay_s,
-                jitter_s,
-                loss,
-                seed,
-                jitter_distribution,
-                duplicate,
-                reorder,
-                burst,
-                outage,
-            },
-        )
-}
-
 proptest! {
     #[test]
     fn handle_frames(frame in any_handle_frame()) {
@@ -369,140 +317,12 @@ proptest! {
         prop_assert_eq!(view.batch, TelemetryBatch { sequence: new, ..batch });
     }
 
-    #[test]
-    fn names_and_keys(
-        node in "[a-z0-9_-]{1,64}",
-        session in "[a-z0-9_-]{1,64}",
-        number: u32,
-        leaf in 0..10_usize,
-    ) {
-        let leaves = [
-            Leaf::Join, Leaf::Leave, Leaf::Parameters, Leaf::ToolUp(number), Leaf::ToolDown(number),
-            Leaf::ClayBricks, Leaf::ClaySnapshot, Leaf::ClayFresh, Leaf::State, Leaf::Operator(number),
-        ];
-        let node = NodeName::new(node).expect("the pattern is the rule");
-        let session = SessionId::new(session).expect("the pattern is the rule");
-        let keys = SessionKeys::new(node, session);
-        let text = keys.key(leaves[leaf]);
-        prop_assert_eq!(text.parse(), Ok(Key::Session(keys, leaves[leaf])));
-    }
-
-    #[test]
-    fn no_other_text_is_a_name(text in ".{0,70}") {
-        let good = (1..=64).contains(&text.len())
-            && text.bytes().all(|byte| matches!(byte, b'a'..=b'z' | b'0'..=b'9' | b'_' | b'-'));
-        prop_assert_eq!(SessionId::new(text.clone()).is_ok(), good);
-        let json = serde_json::to_string(&text).expect("text prints");
-        prop_assert_eq!(serde_json::from_str::<NodeName>(&json).is_ok(), good);
-    }
-
-    #[test]
-    fn hashes(hash: u64) {
-        let text = ClayHash(hash).to_string();
-        prop_assert_eq!(text.len(), 16);
-        prop_assert_eq!(text.parse(), Ok(ClayHash(hash)));
-        prop_assert!(text.to_uppercase() == text || text.to_uppercase().parse::<ClayHash>().is_err());
-        prop_assert!(text[1..].parse::<ClayHash>().is_err());
-    }
-
-    #[test]
-    fn networks_through_json(up in any_impairment(), down in any_impairment(), before in any_impairment()) {
-        let network = Network { up, down };
-        prop_assert_eq!(network.validate(), Ok(()));
-        let json = serde_json::to_string(&network).expect("it prints");
-        prop_assert_eq!(parse::<Network>(json.as_bytes()), Ok(network));
-        // A change that names every field leaves nothing of what was before.
-        let patch = NetworkPatch::from(network);
-        let json = serde_json::to_string(&patch).expect("it prints");
-        let patch: NetworkPatch = parse(json.as_bytes()).expect("it keeps the ranges");
-        prop_assert_eq!(patch.apply(Network { up: before, down: before }), network);
-    }
-
-    #[test]
-    fn parameters_through_json(
-        mass in decimal(1, 100),
-        viscosity_pa_s_per_m in decimal(0, 10_000_000),
-        home_m in uniform3(decimal(-1, 1)),
-    ) {
-        let material = Material { viscosity_pa_s_per_m, ..Material::default() };
-        let parameters = LoopParameters {
-            virtual_mass_kg: mass, home_m, reach_m: [[-1.0; 3], [1.0; 3]], material, ..LoopParameters::default()
-        };
-        prop_assert_eq!(parameters.validate(), Ok(()));
-        let json = serde_json::to_string(&parameters).expect("it prints");
-        prop_assert_eq!(parse::<LoopParameters>(json.as_bytes()), Ok(parameters));
-    }
-
-    /// The two sides' clay is the same only if the tool, the block and the voxels are, to the last bit. Some readers of JSON
-    /// are wrong in the last bit of a number of 16 or 17 digits, so what both have is the nearest nanometre.
-    #[test]
-    fn lengths_that_both_sides_need_are_the_same_for_every_reader(
-        nanometres in proptest::array::uniform7(1_000_000..10_000_000_i64),
-        between in -0.4..0.4,
-    ) {
-        let asked = nanometres.map(|nanometres| (nanometres as f64 + between) / 1e9);
-        let wanted = nanometres.map(|nanometres| nanometres as f64 / 1e9);
-        for build in [block_and_ball, steps_and_blade] {
-            let session = build(asked);
-            let json = serde_json::to_string(&session).expect("it prints");
-            let server: NewSession = parse(json.as_bytes()).expect("it is sound");
-            prop_assert_eq!(&server, &build(wanted));
-            let json = serde_json::to_string(&server).expect("it prints");
-            prop_assert_eq!(parse::<NewSession>(json.as_bytes()), Ok(server));
-        }
-    }
-
     /// The order is that of the numbers before they wrapped.
     #[test]
     fn wrapped_numbers_keep_their_order(start: u64, ahead in 1..1_u64 << 31) {
         let (before, after) = (start as u32, start.wrapping_add(ahead) as u32);
         prop_assert!(is_after(after, before));
         prop_assert!(!is_after(before, after));
-    }
-}
-
-fn block_and_ball([radius_m, x, y, z, voxel_size_m, ..]: [f64; 7]) -> NewSession {
-    let clay = ClaySpec {
-        shape: ClayShape::Block { size_m: [x, y, z] },
-        voxel_size_m,
-    };
-    NewSession {
-        clay,
-        tool: ToolDescription::Ball { radius_m },
-        ..NewSession::new(SessionId::new("a").expect("a name"))
-    }
-}
-
-fn steps_and_blade(
-    [
-        edge,
-        depth,
-        base_m,
-        width_m,
-        voxel_size_m,
-        height_m,
-        thickness_m,
-    ]: [f64; 7],
-) -> NewSession {
-    let shape = ClayShape::Stepped {
-        edges_m: vec![0.0, edge],
-        depths_of_cut_m: vec![depth],
-        base_m,
-        width_m,
-    };
-    let clay = ClaySpec {
-        shape,
-        voxel_size_m,
-    };
-    let tool = ToolDescription::Blade {
-        width_m,
-        height_m,
-        thickness_m,
-    };
-    NewSession {
-        clay,
-        tool,
-        ..NewSession::new(SessionId::new("a").expect("a name"))
     }
 }
 
@@ -609,42 +429,4 @@ fn what_is_no_message_keeps_its_number() {
     assert!(renumber(&mut frame, 7).is_err());
     assert!(renumber(&mut [], 7).is_err());
     assert_eq!(frame, before);
-}
-
-#[test]
-fn every_word_is_read_as_it_is_written() {
-    for scheme in Scheme::ALL {
-        let json = serde_json::to_value(scheme).expect("it prints");
-        assert_eq!(json, scheme.to_string());
-        assert_eq!(scheme.word().parse(), Ok(*scheme));
-    }
-    let error = "waves"
-        .parse::<Scheme>()
-        .expect_err("there is no such scheme");
-    assert_eq!(
-        error.to_string(),
-        r#"`waves` is not a scheme, wanted one of ["force_exchange", "position_force", "wave", "tdpa", "replica"]"#
-    );
-    assert!("".parse::<LoopStatus>().is_err());
-    assert_eq!("out_of_reach".parse(), Ok(SweepRefusal::OutOfReach));
-    assert_eq!("leaving".parse(), Ok(Engagement::Leaving));
-}
-
-#[test]
-fn a_reply_is_one_of_two_and_has_nothing_extra() {
-    let refused = br#"{"outcome":"refused","code":"fault","reason":"force was NaN"}"#;
-    let reply = JoinReply::Refused {
-        code: RefusalCode::Fault,
-        reason: "force was NaN".to_owned(),
-    };
-    assert_eq!(parse(refused), Ok(reply));
-    for bad in [
-        r#"{"outcome":"refused","code":"fault","reason":"","lease":1}"#,
-        r#"{"outcome":"refused","code":"boredom","reason":""}"#,
-        r#"{"outcome":"granted"}"#,
-        r#"{"outcome":"left"}"#,
-        r#"{"code":"fault","reason":""}"#,
-    ] {
-        assert!(parse::<JoinReply>(bad.as_bytes()).is_err(), "{bad}");
-    }
 }

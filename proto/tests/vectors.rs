@@ -2,14 +2,16 @@
 //! of each kind is also laid out here by hand from SPEC.md, field by field, so that the files cannot just repeat the code.
 
 #[allow(dead_code, unreachable_pub, reason = "the example uses it too")]
-#[path = "../examples/vectors/cases.rs"]
+#[path = "../examples/vectors/cases/mod.rs"]
 mod cases;
 
 use std::fs;
 use std::path::Path;
 use std::str::FromStr;
 
-use cases::{bricks_value, handle_frame_value, hex, runs, telemetry_value, tool_frame_value};
+use cases::values::{
+    bricks_value, handle_frame_value, hex, runs, telemetry_value, tool_frame_value,
+};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value;

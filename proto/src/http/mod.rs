@@ -6,6 +6,7 @@
 
 mod body;
 mod clay;
+mod hash;
 mod health;
 mod network;
 mod patch;
@@ -14,9 +15,8 @@ mod session;
 mod validate;
 
 pub use body::{BodyError, parse};
-pub use clay::{
-    ClayHash, ClayHashError, ClayReset, ClayShape, ClaySpec, MAX_STEPS, MAX_VOXELS_PER_AXIS,
-};
+pub use clay::{ClayReset, ClayShape, ClaySpec, MAX_STEPS, MAX_VOXELS_PER_AXIS};
+pub use hash::{ClayHash, ClayHashError};
 pub use health::{Health, HealthStatus, Readiness};
 pub use network::{Burst, Impairment, JitterDistribution, Network, Outage};
 pub use patch::{ImpairmentPatch, MaterialPatch, NetworkPatch, SessionPatch};

@@ -1,0 +1,387 @@
+//! Texts and keys.
+
+use serde::Serialize;
+use serde_json::{Value, json};
+
+use teleclay_proto::http::{
+    Burst, ClayHash, ClayReset, ClayShape, ClaySpec, ClayState, FieldError, Impairment,
+    JitterDistribution, LoopState, Material, Network, NewSession, Outage, Problem, Quantiles,
+    Session, SessionPatch, SessionState, TickQuantiles, ToolState, parse,
+};
+use teleclay_proto::join::{
+    ClayDescription, FreshReply, FreshRequest, Granted, JoinReply, JoinRequest, LeaveReply,
+    LeaveRequest, LoopParameters, RefusalCode,
+};
+use teleclay_proto::keys::{Key, Leaf, SessionKeys};
+use teleclay_proto::watch::{ClientText, Level, ServerText, Switch};
+use teleclay_proto::{Axes, NodeName, PROTOCOL, Scheme, SessionId, ToolDescription};
+
+pub(super) fn server_texts() -> Value {
+    let session = session();
+    let id = session.id.clone();
+    let hello = ServerText::Hello {
+        protocol: PROTOCOL,
+        session: id,
+        server_version: "0.1.0".to_owned(),
+    };
+    let event = ServerText::Event {
+        level: Level::Warning,
+        text: "no frame for 0.1 s".to_owned(),
+        time_s: 12.5,
+    };
+    let problem = ServerText::Problem {
+        problem: FieldError::new(
+            "/session/network/up/delay_s",
+            "3 is not a number from 0 to 2",
+        )
+        .into(),
+    };
+    let busy = ServerText::Problem {
+        problem: Problem::new("busy", "the server is busy", 503, "eight sessions run"),
+    };
+    texts(
+        "text messages from the server",
+        &[
+            ("hello", hello),
+            (
+                "state",
+                ServerText::State {
+                    session: Box::new(session),
+                },
+            ),
+            ("event", event),
+            ("a problem with a field", problem),
+            ("a problem without a field", busy),
+            ("pong", ServerText::Pong { nonce: u32::MAX }),
+        ],
+    )
+}
+
+pub(super) fn client_texts() -> Value {
+    let full = Network {
+        up: impairment(),
+        down: Impairment::default(),
+    };
+    let patch = |text: &str| Box::new(parse(text.as_bytes()).expect("the patch is good"));
+    let reset = ClayReset {
+        shape: Some(ClayShape::stepped()),
+        material: Some(Material::default()),
+    };
+    let mut file = texts(
+        "text messages to the server",
+        &[
+            (
+                "subscribe",
+                ClientText::Subscribe {
+                    telemetry: Switch::On,
+                    bricks: Switch::Off,
+                },
+            ),
+            (
+                "a patch of nothing",
+                ClientText::Patch {
+                    session: patch("{}"),
+                },
+            ),
+            (
+                "a patch of one number",
+                ClientText::Patch {
+                    session: patch(r#"{"network":{"up":{"delay_s":0.05}}}"#),
+                },
+            ),
+            (
+                "a patch that ends bursts",
+                ClientText::Patch {
+                    session: patch(r#"{"network":{"down":{"burst":null}}}"#),
+                },
+            ),
+            (
+                "a patch of everything",
+                ClientText::Patch {
+                    session: Box::new(SessionPatch {
+                        scheme: Some(Scheme::PositionForce),
+                        material: Some(
+                            Material {
+                                viscosity_pa_s_per_m: 4e5,
+                                yield_stress_pa: 500.0,
+                                stiffness_pa: 2e6,
+                            }
+                            .into(),
+                        ),
+                        network: Some(full.into()),
+                        paused: Some(true),
+                    }),
+                },
+            ),
+            (
+                "a fresh block as the last",
+                ClientText::Reset {
+                    clay: ClayReset::default(),
+                },
+            ),
+            ("a fresh block", ClientText::Reset { clay: reset }),
+            ("ping", ClientText::Ping { nonce: 0 }),
+        ],
+    );
+    file["refused"] = Value::Array(
+        REFUSED_TEXTS
+            .iter()
+            .map(|(pointer, text)| json!({ "pointer": pointer, "text": text }))
+            .collect(),
+    );
+    file
+}
+
+/// Texts that the server refuses, and the field it names; `None` where the text is not JSON at all.
+const REFUSED_TEXTS: &[(Option<&str>, &str)] = &[
+    (None, ""),
+    (None, "{"),
+    (None, r#"{"type":"ping","nonce":1} {}"#),
+    (None, r#"{"type":"ping","nonce":NaN}"#),
+    (Some(""), "[]"),
+    (Some(""), r#"{"nonce":1}"#),
+    (Some("/type"), r#"{"type":"pong","nonce":1}"#),
+    (Some(""), r#"{"type":"ping"}"#),
+    (Some("/nonce"), r#"{"type":"ping","nonce":-1}"#),
+    (Some("/extra"), r#"{"type":"ping","nonce":1,"extra":1}"#),
+    (Some(""), r#"{"type":"ping","nonce":1,"bricks":"on"}"#),
+    (
+        Some("/bricks"),
+        r#"{"type":"subscribe","telemetry":"on","bricks":true}"#,
+    ),
+    (
+        Some("/session/paused"),
+        r#"{"type":"patch","session":{"paused":null}}"#,
+    ),
+    (
+        Some("/session/scheme"),
+        r#"{"type":"patch","session":{"scheme":"waves"}}"#,
+    ),
+    (
+        Some("/session/network"),
+        r#"{"type":"patch","session":{"network":[]}}"#,
+    ),
+    (
+        Some("/session/network/up/delay_s"),
+        r#"{"type":"patch","session":{"network":{"up":{"delay_s":2.1}}}}"#,
+    ),
+    (
+        Some("/session/network/down/burst/leave"),
+        r#"{"type":"patch","session":{"network":{"down":{"burst":{"enter":0,"leave":2,"loss_in_burst":1}}}}}"#,
+    ),
+    (
+        Some("/session/material/stiffness_pa"),
+        r#"{"type":"patch","session":{"material":{"stiffness_pa":-1}}}"#,
+    ),
+    (
+        Some("/clay/shape/size_m/2"),
+        r#"{"type":"reset","clay":{"shape":{"kind":"block","size_m":[0.1,0.1,0]}}}"#,
+    ),
+    (
+        Some("/clay/shape/edges_m/2"),
+        r#"{"type":"reset","clay":{"shape":{"kind":"stepped","edges_m":[0,0.1,0.1,0.2]}}}"#,
+    ),
+];
+
+pub(super) fn join() -> Value {
+    let request = JoinRequest {
+        protocol: PROTOCOL,
+        operator: "Ada".to_owned(),
+        token: Some("let me in".to_owned()),
+        device: "simulated".to_owned(),
+    };
+    let granted = Granted {
+        lease: 17,
+        tool: 1,
+        lease_s: 5.0,
+        parameters: LoopParameters::default(),
+        clay: ClayDescription {
+            shape: ClayShape::default(),
+            voxel_size_m: 5e-4,
+            epoch: 1,
+            revision: 0,
+        },
+        slow_endpoint: Some("tcp/127.0.0.1:7448".to_owned()),
+    };
+    let refused = JoinReply::Refused {
+        code: RefusalCode::NoFreeTool,
+        reason: "the only tool of session `demo` is held by Ada".to_owned(),
+    };
+    json!({
+        "about": "joining, leaving, and asking for a fresh block",
+        "requests": [text("a join", &request), text("a join without a token", &JoinRequest { token: None, ..request })],
+        "replies": [text("granted", &JoinReply::Granted(Box::new(granted))), text("refused", &refused)],
+        "leave_requests": [text("a leave", &LeaveRequest { lease: 17 })],
+        "leave_replies": [text("left", &LeaveReply::Left), text("no such lease", &LeaveReply::NoSuchLease)],
+        "fresh_requests": [text("a fresh block", &FreshRequest { lease: 17 })],
+        "fresh_replies": [
+            text("fresh", &FreshReply::Fresh { epoch: 2 }),
+            text("refused", &FreshReply::Refused { reason: "nobody holds lease 17".to_owned() }),
+        ],
+        "parameters": [text("parameters", &LoopParameters { revision: 2, axes: Axes::Three, ..LoopParameters::default() })],
+        "new_sessions": [
+            text("every default", &NewSession::new(id("demo"))),
+            text("nothing left at its default", &NewSession {
+                id: id("carving-2"),
+                axes: Axes::Three,
+                scheme: Scheme::Tdpa,
+                material: Material { viscosity_pa_s_per_m: 1e5, yield_stress_pa: 2e3, stiffness_pa: 3e5 },
+                network: Network { up: impairment(), down: impairment() },
+                clay: ClaySpec { shape: ClayShape::stepped(), voxel_size_m: 1e-3 },
+                tool: ToolDescription::Ball { radius_m: 0.0064 },
+                tools: 8,
+            }),
+        ],
+    })
+}
+
+pub(super) fn keys() -> Value {
+    let node = NodeName::new("lab-1").expect("the name is good");
+    let keys = SessionKeys::new(node.clone(), id("demo"));
+    let leaves = [
+        Leaf::Join,
+        Leaf::Leave,
+        Leaf::Parameters,
+        Leaf::ToolUp(1),
+        Leaf::ToolDown(u32::MAX),
+        Leaf::ClayBricks,
+        Leaf::ClaySnapshot,
+        Leaf::ClayFresh,
+        Leaf::State,
+        Leaf::Operator(17),
+    ];
+    let mut good = vec![Key::Alive(node).to_string()];
+    good.extend(leaves.map(|leaf| Key::Session(keys.clone(), leaf).to_string()));
+    json!({
+        "about": "key expressions of node `lab-1` and its session `demo`",
+        "good": good,
+        "bad": [
+            "",
+            "teleclay",
+            "teleclay/",
+            "teleclay//alive",
+            "teleclay/lab-1",
+            "teleclay/lab-1/",
+            "teleclay/lab-1/alive/",
+            "teleclay/Lab/alive",
+            "teleclay/lab-1/session/demo",
+            "teleclay/lab-1/session//join",
+            "teleclay/lab-1/session/a b/join",
+            "teleclay/lab-1/session/demo/tool/up",
+            "teleclay/lab-1/session/demo/tool/01/up",
+            "teleclay/lab-1/session/demo/tool/+1/up",
+            "teleclay/lab-1/session/demo/tool/-1/up",
+            "teleclay/lab-1/session/demo/tool/4294967296/up",
+            "teleclay/lab-1/session/demo/tool/*/up",
+            "teleclay/lab-1/session/demo/operator/",
+            "teleclay/*/alive",
+            "other/lab-1/alive",
+            "/teleclay/lab-1/alive",
+        ],
+    })
+}
+
+fn texts<T: Serialize>(about: &str, cases: &[(&str, T)]) -> Value {
+    let cases: Vec<Value> = cases
+        .iter()
+        .map(|(name, value)| text(name, value))
+        .collect();
+    json!({ "about": about, "cases": cases })
+}
+
+fn text(name: &str, value: &impl Serialize) -> Value {
+    json!({ "name": name, "value": value })
+}
+
+fn id(name: &str) -> SessionId {
+    SessionId::new(name).expect("the name is good")
+}
+
+fn impairment() -> Impairment {
+    Impairment {
+        delay_s: 0.04,
+        jitter_s: 0.008,
+        loss: 0.01,
+        seed: (1 << 53) - 1,
+        jitter_distribution: JitterDistribution::HeavyTailed,
+        duplicate: 0.02,
+        reorder: 0.03,
+        burst: Some(Burst {
+            enter: 0.01,
+            leave: 0.25,
+            loss_in_burst: 0.9,
+        }),
+        outage: Some(Outage {
+            every_s: 5.0,
+            length_s: 0.2,
+        }),
+    }
+}
+
+fn session() -> Session {
+    Session {
+        id: id("demo"),
+        scheme: Scheme::Replica,
+        axes: Axes::Two,
+        state: SessionState::Running,
+        fault: None,
+        material: Material::default(),
+        network: Network {
+            up: impairment(),
+            down: Impairment::default(),
+        },
+        clay: ClayState {
+            voxel_size_m: 5e-4,
+            initial_volume_m3: 5.24288e-4,
+            remaining_volume_m3: 5.24288e-4,
+            removed_volume_m3: 0.0,
+            initial_units: 1_069_547_520,
+            remaining_units: 1_069_547_520,
+            removed_units: 0,
+            unit_volume_m3: 4.90196078431373e-13,
+            hash: ClayHash(0x0123_4567_89ab_cdef),
+            shape: ClayShape::default(),
+            epoch: 1,
+        },
+        tool: ToolDescription::default(),
+        tools: vec![ToolState {
+            id: 1,
+            operator: "Ada".to_owned(),
+            connected: true,
+            position_m: [0.031, 0.032, 0.01],
+            force_n: [-0.5, 0.0, 0.0],
+            handle_position_m: [0.031, 0.0, 0.0],
+            felt_force_n: [-0.5, 0.0, 0.0],
+            hand_force_n: [2.0, 0.0, 0.0],
+            home_m: [0.0, 0.032, 0.01],
+        }],
+        position_ratio: 1.0,
+        coordination_m: 2.5e-5,
+        control_loop: LoopState {
+            rate_hz: 1000.0,
+            ticks: 123_456,
+            late_ticks: 3,
+            tick_s: TickQuantiles {
+                p50: 6e-6,
+                p99: 1.2e-5,
+                p999: 4e-5,
+                max: 1.1e-4,
+            },
+            rtt_s: Quantiles {
+                p50: 8e-4,
+                p99: 1.6e-3,
+            },
+            age_s: Quantiles {
+                p50: 5e-4,
+                p99: 1.1e-3,
+            },
+            lost: 4,
+            duplicates: 5,
+            reordered: 6,
+            packets_up_per_s: 999.5,
+            packets_down_per_s: 1000.0,
+            energy_j: 0.0125,
+            scheduler: "SCHED_OTHER, SCHED_FIFO was not permitted".to_owned(),
+        },
+    }
+}
