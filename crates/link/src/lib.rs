@@ -8,12 +8,14 @@
 //! | [`time`] | the integer timestamps that all of it is written in |
 //! | [`conditioner`] | delay, jitter, loss, bursts, duplicates, reordering, outages, from a seed |
 //! | [`arrivals`] | what came, what is missing, what came twice; newest wins |
+//! | [`replica`] | cuts that arrive in any order, and corrections bounded by energy |
 //! | [`round_trip`] | round trip and clock offset from echoed stamps |
 //! | [`safety`] | input check, watchdog ramp, the one limiter that every force passes |
 //! | [`scheme`] | the coupling of the two sides, one module a scheme |
 
 pub mod arrivals;
 pub mod conditioner;
+pub mod replica;
 pub mod round_trip;
 pub mod safety;
 pub mod scheme;

@@ -1,0 +1,163 @@
+//! The gate: how a correction of the copy may show in the hand.
+//!
+//! A correction changes the clay under the tool and with it, at the same pose and speed, the force. The gate keeps the difference and lets
+//! it go a step a tick, so that the felt force never jumps. While it is held, what is felt is not what the copy says; where that
+//! difference pushes the hand along its own motion it would bring energy into the hand that nobody put in. So it may do so only out of a tank,
+//! and the tank fills with what the hand has spent on cutting.
+//!
+//! In this clay a correction stores no energy by itself: viscous and plastic resistance store none, and the elastic stretch is measured from where the clay
+//! last gave way, not from a wall that a correction could move under the tool. A spring wall would need the penetration to be gated instead.
+
+use crate::Vec3;
+use crate::safety::capped;
+
+/// Bounds of the gate.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GateLimits {
+    /// Greatest change of the force by a correction in one tick, N.
+    pub step_n: f64,
+    /// Most that the tank holds, J.
+    pub tank_j: f64,
+}
+
+impl GateLimits {
+    /// For a device of this force range, N: a step of 2 % of it a tick, a third of what a hand can just tell; a tank of 50 mJ, what a centimetre of cutting
+    /// at 5 N spends.
+    pub fn for_range(force_n: f64) -> Self {
+        Self {
+            step_n: 0.02 * force_n,
+            tank_j: 0.05,
+        }
+    }
+}
+
+/// The gate of one tool.
+#[derive(Clone, Copy, Debug)]
+pub struct ForceGate {
+    limits: GateLimits,
+    /// Felt force less the copy's, N.
+    held: Vec3,
+    tank_j: f64,
+    injected_j: f64,
+    earned_j: f64,
+}
+
+impl ForceGate {
+    /// Nothing held, an empty tank.
+    pub fn new(limits: GateLimits) -> Self {
+        Self {
+            limits,
+            held: Vec3::zeros(),
+            tank_j: 0.0,
+            injected_j: 0.0,
+            earned_j: 0.0,
+        }
+    }
+
+    /// A correction has changed the copy's force from `before` to `after`, N, at the same pose and speed.
+    pub fn on_correction(&mut self, before: Vec3, after: Vec3) {
+        self.held += before - after;
+    }
+
+    /// The force to feel for one tick of `tick_s` when the copy gives `force` and the hand moves at `velocity`; energies in J.
+    pub fn step(&mut self, force: Vec3, velocity: Vec3, tick_s: f64) -> Vec3 {
+        let earned = (-force.dot(&velocity) * tick_s).max(0.0);
+        self.earned_j += earned;
+        self.tank_j = (self.tank_j + earned).min(self.limits.tank_j);
+
+        self.held -= capped(self.held, self.limits.step_n);
+        let injected = self.held.dot(&velocity) * tick_s;
+        if 0.0 < injected {
+            if self.tank_j < injected {
+                // Only the part along the motion brings energy; it shrinks to what the tank has.
+                let along = velocity * (self.held.dot(&velocity) / velocity.norm_squared());
+                self.held -= along * (1.0 - self.tank_j / injected);
+            }
+            let drawn = (self.held.dot(&velocity) * tick_s).clamp(0.0, self.tank_j);
+            self.tank_j -= drawn;
+            self.injected_j += drawn;
+        }
+        force + self.held
+    }
+
+    /// Felt force less the copy's, N.
+    pub fn held(&self) -> Vec3 {
+        self.held
+    }
+
+    /// Energy that corrections have brought into the hand so far, J.
+    pub fn injected_j(&self) -> f64 {
+        self.injected_j
+    }
+
+    /// Energy in the tank, J.
+    pub fn tank_j(&self) -> f64 {
+        self.tank_j
+    }
+
+    /// Energy that the hand has spent on cutting so far, J.
+    pub fn earned_j(&self) -> f64 {
+        self.earned_j
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const TICK_S: f64 = 1e-3;
+    const LIMITS: GateLimits = GateLimits {
+        step_n: 0.4,
+        tank_j: 0.05,
+    };
+
+    #[test]
+    fn without_corrections_the_copys_force_passes_unchanged() {
+        let mut gate = ForceGate::new(LIMITS);
+        let force = Vec3::new(-1.0, 0.3, 0.0);
+        assert_eq!(gate.step(force, Vec3::new(0.04, 0.0, 0.0), TICK_S), force);
+    }
+
+    #[test]
+    fn clay_that_vanishes_under_the_tool_fades_and_does_not_drop() {
+        let mut gate = ForceGate::new(LIMITS);
+        let velocity = Vec3::new(0.04, 0.0, 0.0);
+        let before = Vec3::new(-4.0, 0.0, 0.0);
+        gate.step(before, velocity, TICK_S);
+        gate.on_correction(before, Vec3::zeros());
+        let mut felt = before;
+        for _ in 0..10 {
+            let next = gate.step(Vec3::zeros(), velocity, TICK_S);
+            assert!((next - felt).norm() <= LIMITS.step_n + 1e-12);
+            felt = next;
+        }
+        assert!(felt.norm() < 1e-12);
+        assert_eq!(
+            gate.injected_j(),
+            0.0,
+            "holding back a moving hand brings no energy"
+        );
+    }
+
+    proptest! {
+        /// Whatever corrections come and however the hand moves, the hand never gets more than the tank was given.
+        #[test]
+        fn injected_energy_never_exceeds_what_was_earned(
+            ticks in prop::collection::vec((-8.0..8.0, -8.0..8.0, -0.5..0.5, -0.5..0.5, prop::bool::weighted(0.2)), 1..400)
+        ) {
+            let mut gate = ForceGate::new(LIMITS);
+            let (mut injected, mut earned) = (0.0, 0.0);
+            for (fx, fy, vx, vy, corrects) in ticks {
+                let (velocity, drag) = (Vec3::new(vx, vy, 0.0), -2.0 * Vec3::new(vx, vy, 0.0));
+                if corrects {
+                    gate.on_correction(Vec3::new(fx, fy, 0.0), drag);
+                }
+                let felt = gate.step(drag, velocity, TICK_S);
+                earned += -drag.dot(&velocity) * TICK_S;
+                injected += ((felt - drag).dot(&velocity) * TICK_S).max(0.0);
+                prop_assert!(injected <= earned + 1e-9, "{injected} J of {earned} J");
+            }
+        }
+    }
+}

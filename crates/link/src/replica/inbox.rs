@@ -1,0 +1,130 @@
+//! The receiver's half: which sweeps came, and up to where without a gap.
+
+use super::WINDOW;
+
+/// Whether a sweep is to be carried out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Novelty {
+    /// It had not come before.
+    New,
+    /// It is known. Carrying it out again would change nothing, only cost time.
+    Known,
+    /// Its number is so far ahead that no honest sender can have got there.
+    BeyondWindow,
+}
+
+/// Which of the last [`WINDOW`] numbers came.
+#[derive(Clone, Debug)]
+pub struct SweepInbox {
+    /// Everything up to this number has come.
+    complete: u32,
+    /// Numbers above `complete` that came, one bit each, at the number modulo the window.
+    ahead: Box<[u64]>,
+}
+
+impl Default for SweepInbox {
+    fn default() -> Self {
+        Self {
+            complete: 0,
+            ahead: vec![0; WINDOW / 64].into_boxed_slice(),
+        }
+    }
+}
+
+impl SweepInbox {
+    /// Takes note of number `sequence`.
+    pub fn on_sweep(&mut self, sequence: u32) -> Novelty {
+        if sequence <= self.complete {
+            return Novelty::Known;
+        }
+        if WINDOW as u32 <= sequence - self.complete {
+            return Novelty::BeyondWindow;
+        }
+        let (word, bit) = place(sequence);
+        if self.ahead[word] & bit != 0 {
+            return Novelty::Known;
+        }
+        self.ahead[word] |= bit;
+        loop {
+            let (word, bit) = place(self.complete.wrapping_add(1));
+            if self.ahead[word] & bit == 0 {
+                return Novelty::New;
+            }
+            self.ahead[word] &= !bit;
+            self.complete += 1;
+        }
+    }
+
+    /// The number to acknowledge: everything up to it has come. 0 when the first is missing.
+    pub fn complete(&self) -> u32 {
+        self.complete
+    }
+}
+
+fn place(sequence: u32) -> (usize, u64) {
+    let position = sequence as usize % WINDOW;
+    (position / 64, 1 << (position % 64))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::SweepLog;
+    use super::*;
+    use proptest::prelude::*;
+    use teleclay_proto::frame::Sweeps;
+
+    #[test]
+    fn a_gap_holds_the_acknowledgement_back_until_it_is_filled() {
+        let mut inbox = SweepInbox::default();
+        for sequence in [1, 2, 4, 5] {
+            assert_eq!(inbox.on_sweep(sequence), Novelty::New);
+        }
+        assert_eq!(inbox.complete(), 2);
+        assert_eq!(inbox.on_sweep(4), Novelty::Known);
+        assert_eq!(inbox.on_sweep(3), Novelty::New);
+        assert_eq!(inbox.complete(), 5);
+        assert_eq!(inbox.on_sweep(1), Novelty::Known);
+    }
+
+    #[test]
+    fn a_number_from_beyond_the_window_changes_nothing() {
+        let mut inbox = SweepInbox::default();
+        assert_eq!(inbox.on_sweep(u32::MAX), Novelty::BeyondWindow);
+        assert_eq!(inbox.on_sweep(WINDOW as u32), Novelty::BeyondWindow);
+        assert_eq!(inbox.on_sweep(WINDOW as u32 - 1), Novelty::New);
+        assert_eq!(inbox.on_sweep(1), Novelty::New);
+        assert_eq!(inbox.complete(), 1);
+    }
+
+    proptest! {
+        /// Whatever is lost and whatever is late, each sweep is carried out exactly once, and in the end all are acknowledged.
+        #[test]
+        fn log_and_inbox_agree_across_a_bad_line(
+            losses in prop::collection::vec(prop::bool::weighted(0.6), 400),
+            echoes in prop::collection::vec(prop::bool::weighted(0.5), 400),
+        ) {
+            let (mut log, mut inbox) = (SweepLog::default(), SweepInbox::default());
+            let mut carried_out = Vec::new();
+            for (lost, echo_lost) in losses.iter().zip(&echoes) {
+                log.push([0; 3], [1; 3]).unwrap();
+                let mut packet = Sweeps::default();
+                log.fill(&mut packet);
+                if !lost {
+                    carried_out.extend(packet.iter().filter(|s| inbox.on_sweep(s.sequence) == Novelty::New).map(|s| s.sequence));
+                }
+                if !echo_lost {
+                    log.on_acknowledged(inbox.complete());
+                }
+            }
+            for _ in 0..400 {
+                let mut packet = Sweeps::default();
+                log.fill(&mut packet);
+                carried_out.extend(packet.iter().filter(|s| inbox.on_sweep(s.sequence) == Novelty::New).map(|s| s.sequence));
+                log.on_acknowledged(inbox.complete());
+            }
+            carried_out.sort_unstable();
+            prop_assert_eq!(carried_out, (1..=400).collect::<Vec<_>>());
+            prop_assert_eq!(log.waiting(), 0);
+        }
+    }
+}

@@ -1,0 +1,22 @@
+//! The replica: the handle's side holds a copy of the clay and cuts it at once; the server merges the same cuts and stays the authority.
+//!
+//! A cut is a sweep between two quantised poses, and cutting takes the lesser occupancy voxel by voxel: commutative, associative,
+//! idempotent. So it does not matter in which order sweeps arrive, how often, or by which way; it only matters that each arrives. That is all
+//! that travels reliably here, and it takes no retransmission round trip: every packet repeats what is not yet acknowledged.
+//!
+//! | item | does |
+//! |---|---|
+//! | [`SweepLog`] | numbers the sweeps that one side makes and says which of them go into the next packet |
+//! | [`SweepInbox`] | tells new sweeps from known ones and says what to acknowledge |
+//! | [`ForceGate`] | lets a correction of the copy change the felt force only slowly, and only with energy that cutting has earned |
+
+mod gate;
+mod inbox;
+mod log;
+
+pub use gate::{ForceGate, GateLimits};
+pub use inbox::{Novelty, SweepInbox};
+pub use log::{LogFull, SweepLog};
+
+/// Sweeps that may be under way: eight seconds of cutting at 1 kHz, four times what a stale copy is allowed to cut.
+pub const WINDOW: usize = 8192;
