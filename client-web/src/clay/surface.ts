@@ -122,10 +122,11 @@ export class SurfaceFinder {
   }
 
   /**
-   * The rectangle of vertices around the middle that lie in the layer's plane and face straight out. Its sides are read
+   * The rectangle of vertices around the middle that lie in one plane and face straight out. Its sides are read
    * off the middle row and column: where the block ends, the last few vertices bend.
    */
   #flatPart(face: Face): Rectangle | undefined {
+    if (!this.#isFlat(face, MIDDLE, MIDDLE)) return undefined;
     let [a0, a1, b0, b1] = [MIDDLE, MIDDLE, MIDDLE, MIDDLE];
     while (-1 < a0 && this.#isFlat(face, a0 - 1, MIDDLE)) a0 -= 1;
     while (a1 < BRICK_EDGE - 1 && this.#isFlat(face, a1 + 1, MIDDLE)) a1 += 1;
@@ -138,9 +139,11 @@ export class SurfaceFinder {
     return { a0, a1, b0, b1 };
   }
 
+  /** Whether a vertex lies in the same plane as the one in the middle, in the middle of its cell, and faces straight out. */
   #isFlat(face: Face, a: number, b: number): boolean {
     const at = 6 * this.#solve(face, a, b);
-    return this.#solved[at + face.axis] === face.layer + 1 &&
+    const middle = 6 * this.#solve(face, MIDDLE, MIDDLE);
+    return this.#solved[at + face.axis] === this.#solved[middle + face.axis] &&
       this.#solved[at + face.u] === a + 1 &&
       this.#solved[at + face.v] === b + 1 &&
       0.9999 < Math.abs(this.#solved[at + 3 + face.axis]);

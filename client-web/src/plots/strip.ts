@@ -83,7 +83,7 @@ export class StripChart {
     return new uPlot({
       width: Math.max(width, 50),
       height: Math.max(height, 50),
-      padding: [6, 8, 0, 0],
+      padding: [6, 14, 0, 0],
       legend: { show: false },
       cursor: { x: true, y: false, drag: { x: false, y: false }, points: { size: 6 } },
       scales: {
@@ -91,7 +91,7 @@ export class StripChart {
         y: { auto: true, range: () => this.#range.update(...this.#extent) },
       },
       axes: [
-        { ...axis, size: BOTTOM_AXIS, gap: 3, space: 44, values: (_, splits) => splits.map((s) => (s === 0 ? "now" : `${s} s`)) },
+        { ...axis, size: BOTTOM_AXIS, gap: 3, space: 44, values: (_, splits) => splits.map((s) => (s === 0 ? "now" : s === -this.#options.span_s ? "" : `${s} s`)) },
         { ...axis, size: LEFT_AXIS, gap: 4, space: 24 },
       ],
       series: [

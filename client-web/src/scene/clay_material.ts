@@ -2,6 +2,7 @@
 
 import * as THREE from "three";
 import { COARSENESS } from "../clay/coarse";
+import type { Quality } from "./quality";
 
 /** What the material has to know about the block. Lengths in voxels, as the mesh has them. */
 export interface Block {
@@ -15,13 +16,13 @@ export interface Block {
 const PLANES = 8;
 
 export interface ClayMaterial {
-  readonly material: THREE.MeshStandardMaterial;
+  readonly material: THREE.Material;
   setBlock(block: Block): void;
   setOccupancy(texture: THREE.Data3DTexture): void;
   dispose(): void;
 }
 
-export function clayMaterial(): ClayMaterial {
+export function clayMaterial(quality: Quality): ClayMaterial {
   const occupancy: { value: THREE.Data3DTexture | null } = { value: null };
   const uniforms = {
     gridSize: { value: new THREE.Vector3(1, 1, 1) },
@@ -29,7 +30,10 @@ export function clayMaterial(): ClayMaterial {
     steps: { value: new Float32Array(PLANES).fill(NOWHERE) },
     occupancy,
   };
-  const material = new THREE.MeshStandardMaterial({ color: 0xffffff, roughness: 0.92, metalness: 0 });
+  const material = quality === "fine"
+    ? new THREE.MeshStandardMaterial({ color: 0xffffff, roughness: 0.92, metalness: 0 })
+    : new THREE.MeshLambertMaterial({ color: 0xffffff });
+  if (quality === "fine") material.defines = { ...material.defines, FINE: "" };
   material.onBeforeCompile = (shader) => {
     Object.assign(shader.uniforms, uniforms);
     shader.vertexShader = shader.vertexShader
@@ -105,9 +109,13 @@ float claySkin() {
 
 vec3 clayColour() {
   vec3 p = clayPosition;
+#ifdef FINE
   float grain = clayNoise(p * 0.9) * 0.5 + clayNoise(p * 0.21) * 0.5;
-  vec3 dry = vec3(0.62, 0.47, 0.385);
-  vec3 fresh = vec3(0.50, 0.265, 0.175);
+#else
+  float grain = 0.5;
+#endif
+  vec3 dry = vec3(0.60, 0.44, 0.345);
+  vec3 fresh = vec3(0.46, 0.215, 0.13);
   return mix(fresh, dry, claySkin()) * (0.93 + 0.14 * grain);
 }
 
@@ -118,6 +126,9 @@ float clayAt(vec3 p) {
 /* Clay met on the way to the sky: along the normal, and leaning to four sides. */
 float clayOpenness() {
   vec3 n = normalize(clayNormal);
+#ifndef FINE
+  return 1.0 - min(0.9 * clayAt(clayPosition + 9.0 * n) + 0.6 * clayAt(clayPosition + 18.0 * n), 0.8);
+#endif
   vec3 u = 9.0 * normalize(abs(n.z) < 0.7 ? cross(n, vec3(0, 0, 1)) : cross(n, vec3(1, 0, 0)));
   vec3 w = cross(n, u);
   vec3 low = clayPosition + 8.0 * n;

@@ -4,21 +4,23 @@ import * as THREE from "three";
 import { MeshArena, type Stretch } from "../clay/arena";
 import { COARSE_EDGE } from "../clay/coarse";
 import type { Meshes } from "../clay/port";
-import { type Block, clayMaterial } from "./clay_material";
+import { type Block, type ClayMaterial, clayMaterial } from "./clay_material";
+import type { Quality } from "./quality";
 
 const MM_PER_M = 1000;
 
 export class ClayMesh {
   readonly mesh: THREE.Mesh;
   readonly #arena = new MeshArena();
-  readonly #look = clayMaterial();
+  readonly #look: ClayMaterial;
   #positions: THREE.BufferAttribute | undefined;
   #facing: THREE.InterleavedBuffer | undefined;
   #indices: THREE.BufferAttribute | undefined;
   #occupancy = occupancyTexture([0, 0, 0]);
   #bricksPerAxis: readonly [number, number, number] = [0, 0, 0];
 
-  constructor() {
+  constructor(quality: Quality) {
+    this.#look = clayMaterial(quality);
     this.mesh = new THREE.Mesh(new THREE.BufferGeometry(), this.#look.material);
     this.mesh.castShadow = true;
     this.mesh.receiveShadow = true;

@@ -1,23 +1,31 @@
 // How finely to draw: as finely as the screen can show while frames keep up, coarser where the graphics card is slow.
 
-/** Frames that are averaged before anything is changed. */
+/** Frames that are averaged before anything is changed, or as many as come in this time, ms. */
 const FRAMES = 24;
+const LONG_ENOUGH_MS = 1200;
 /** Above this a frame misses the display's next turn, ms; below that there is room for more pixels. */
 const TOO_SLOW_MS = 22;
 const PLENTY_MS = 17.5;
-/** A pause this long is a hidden page or another task, not a slow frame, ms. */
-const PAUSE_MS = 250;
-const COARSEST = 0.4;
+/** A pause this long is a hidden page or a scene at rest, not a slow frame, ms. */
+const PAUSE_MS = 2500;
+export const COARSEST = 0.4;
 
 export class Pace {
-  /** Share of the screen's own resolution, COARSEST … 1. */
-  scale = 1;
+  /** Share of the screen's own resolution, coarsest … 1. */
+  scale: number;
   #last_ms: number | undefined;
   #sum_ms = 0;
   #frames = 0;
   /** Rises each time that finer drawing turned out too slow, so that it is tried less and less often. */
   #patience = 1;
   #calm = 0;
+
+  readonly #coarsest: number;
+
+  constructor(scale: number, coarsest: number) {
+    this.scale = Math.max(scale, coarsest);
+    this.#coarsest = coarsest;
+  }
 
   /** Takes the time of a drawn frame in; returns whether the scale changed. */
   add(now_ms: number): boolean {
@@ -26,7 +34,7 @@ export class Pace {
     if (last_ms === undefined || PAUSE_MS < now_ms - last_ms) return false;
     this.#sum_ms += now_ms - last_ms;
     this.#frames += 1;
-    if (this.#frames < FRAMES) return false;
+    if (this.#frames < FRAMES && this.#sum_ms < LONG_ENOUGH_MS) return false;
     const mean_ms = this.#sum_ms / this.#frames;
     this.#sum_ms = 0;
     this.#frames = 0;
@@ -34,8 +42,8 @@ export class Pace {
   }
 
   #adapt(mean_ms: number): boolean {
-    if (TOO_SLOW_MS < mean_ms && COARSEST < this.scale) {
-      this.scale = Math.max(this.scale * Math.max(Math.sqrt(TOO_SLOW_MS / mean_ms), 0.7), COARSEST);
+    if (TOO_SLOW_MS < mean_ms && this.#coarsest < this.scale) {
+      this.scale = Math.max(this.scale * Math.max(Math.sqrt(TOO_SLOW_MS / mean_ms), 0.7), this.#coarsest);
       this.#patience = Math.min(this.#patience * 2, 64);
       this.#calm = 0;
       return true;

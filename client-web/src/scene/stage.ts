@@ -1,6 +1,7 @@
 // Light, ground and scale: what stands still around the clay. Scene units are millimetres, z up.
 
 import * as THREE from "three";
+import type { Quality } from "./quality";
 
 /** Colours of one theme, as CSS writes them. */
 export interface StageColours {
@@ -18,8 +19,8 @@ const LABEL_HEIGHT_MM = 6;
 
 export class Stage {
   readonly group = new THREE.Group();
-  readonly #key = new THREE.DirectionalLight(0xfff1e2, 2.5);
-  readonly #sky = new THREE.HemisphereLight(0xe9f1ff, 0x8a7668, 1.35);
+  readonly #key = new THREE.DirectionalLight(0xfff1e2, 2.8);
+  readonly #sky = new THREE.HemisphereLight(0xe9f1ff, 0x9a8270, 1.2);
   readonly #rim = new THREE.DirectionalLight(0xcfe0ff, 0.55);
   readonly #ground: THREE.Mesh<THREE.PlaneGeometry, THREE.ShaderMaterial>;
   readonly #shade: THREE.Mesh<THREE.PlaneGeometry, THREE.ShadowMaterial>;
@@ -27,9 +28,9 @@ export class Stage {
   #size = new THREE.Vector3(128, 64, 64);
   #colours: StageColours | undefined;
 
-  constructor() {
+  constructor(quality: Quality) {
     this.#key.castShadow = true;
-    this.#key.shadow.mapSize.set(2048, 2048);
+    this.#key.shadow.mapSize.setScalar(quality === "fine" ? 2048 : 768);
     this.#key.shadow.bias = -0.0006;
     this.#key.shadow.normalBias = 0.7;
     this.#key.shadow.radius = 5;
@@ -48,7 +49,7 @@ export class Stage {
     this.#size = size.clone();
     const centre = size.clone().multiplyScalar(0.5);
     const reach = size.length() * 0.62;
-    this.#key.position.copy(centre).add(new THREE.Vector3(-0.55, -0.75, 1.35).multiplyScalar(reach * 2));
+    this.#key.position.copy(centre).add(new THREE.Vector3(-0.95, -0.42, 1.25).multiplyScalar(reach * 2));
     this.#key.target.position.copy(centre);
     this.#rim.position.copy(centre).add(new THREE.Vector3(1, 0.9, 0.35).multiplyScalar(reach * 2));
     this.#rim.target.position.copy(centre);
@@ -70,8 +71,8 @@ export class Stage {
     uniforms["line"].value = new THREE.Color(colours.line);
     uniforms["background"].value = new THREE.Color(colours.background);
     this.#shade.material.opacity = dark ? 0.42 : 0.22;
-    this.#key.intensity = dark ? 2.1 : 2.5;
-    this.#sky.intensity = dark ? 0.95 : 1.35;
+    this.#key.intensity = dark ? 2.5 : 2.8;
+    this.#sky.intensity = dark ? 0.9 : 1.2;
     this.#label();
   }
 

@@ -10,7 +10,7 @@ export type ToolSize =
 
 /** Closer than this the ghost would only make the tool's outline thick, mm. */
 const GHOST_FROM_MM = 0.4;
-const SHAFT_MM = 46;
+export const SHAFT_MM = 46;
 
 export class ToolModel {
   readonly group = new THREE.Group();

@@ -6,9 +6,10 @@ import type { Meshes } from "../clay/port";
 import type { ToolShape, Vector } from "../protocol/session";
 import { Arrow } from "./arrow";
 import { ClayMesh } from "./clay_mesh";
-import { Pace } from "./pace";
+import { COARSEST, Pace } from "./pace";
+import { contextOf, type Quality } from "./quality";
 import { Stage, type StageColours } from "./stage";
-import { ToolModel } from "./tool_model";
+import { SHAFT_MM, ToolModel } from "./tool_model";
 import { Trail } from "./trail";
 
 export interface ViewColours extends StageColours {
@@ -46,33 +47,47 @@ export type Look = keyof typeof LOOKS;
 
 const MM_PER_M = 1000;
 const FIELD_OF_VIEW_DEG = 28;
+/** The tool's path runs in the surface it leaves behind: a little above, it can be seen. */
+const TRAIL_LIFT_MM = 0.7;
+/** Shadows cost about as much as the picture: on a slow machine they follow a little behind. */
+const SHADOWS_EVERY_MS: Record<Quality, number> = { fine: 0, plain: 400 };
 
 export class ClayView {
   readonly #renderer: THREE.WebGLRenderer;
   readonly #scene = new THREE.Scene();
   readonly #camera = new THREE.PerspectiveCamera(FIELD_OF_VIEW_DEG, 1, 5, 5000);
   readonly #orbit: OrbitControls;
-  readonly #stage = new Stage();
-  readonly #clay = new ClayMesh();
+  readonly #quality: Quality;
+  readonly #stage: Stage;
+  readonly #clay: ClayMesh;
   readonly #tool: ToolModel;
   readonly #toolForce = new Arrow();
   readonly #feltForce = new Arrow();
   readonly #trail = new Trail();
-  readonly #pace = new Pace();
+  readonly #pace: Pace;
   readonly #at = { tool: new THREE.Vector3(), handle: new THREE.Vector3(), force: new THREE.Vector3() };
   #size = new THREE.Vector3(128, 64, 64);
-  #toolTop_mm = 0;
+  /** Heights above the tool's position of where the clay pushes and where the hand holds. */
+  #cutting_mm = 0;
+  #grip_mm = 0;
   #width = 1;
   #height = 1;
   #devicePixels = 1;
   #changed = true;
+  #shadowsDue = true;
+  #shadows_ms = Number.NEGATIVE_INFINITY;
   #look: Look | undefined = "corner";
 
-  /** Throws when the browser has no WebGL. */
-  constructor(canvas: HTMLCanvasElement) {
-    this.#renderer = new THREE.WebGLRenderer({ canvas, antialias: true, powerPreference: "high-performance" });
+  /** `wanted` fixes the quality, whatever the machine makes of it. Throws when the browser has no WebGL 2. */
+  constructor(canvas: HTMLCanvasElement, wanted: Quality | undefined) {
+    const { context, quality } = contextOf(canvas, wanted);
+    this.#quality = quality;
+    this.#renderer = new THREE.WebGLRenderer({ canvas, context });
     this.#renderer.shadowMap.enabled = true;
     this.#renderer.shadowMap.autoUpdate = false;
+    this.#pace = new Pace(quality === "fine" ? 1 : 0.7, wanted === undefined ? COARSEST : 1);
+    this.#stage = new Stage(quality);
+    this.#clay = new ClayMesh(quality);
     this.#renderer.toneMapping = THREE.AgXToneMapping;
     this.#renderer.toneMappingExposure = 1.25;
     this.#tool = new ToolModel(this.#renderer);
@@ -125,7 +140,8 @@ export class ClayView {
     this.#tool.setSize(shape.kind === "ball"
       ? { kind: "ball", radius: mm(shape.radius_m) }
       : { kind: "blade", width: mm(shape.width_m), height: mm(shape.height_m), thickness: mm(shape.thickness_m) });
-    this.#toolTop_mm = shape.kind === "ball" ? 0 : mm(shape.height_m) / 2;
+    this.#cutting_mm = shape.kind === "ball" ? 0 : mm(shape.height_m) / 2;
+    this.#grip_mm = (shape.kind === "ball" ? mm(shape.radius_m) : mm(shape.height_m)) + 0.7 * SHAFT_MM;
     this.#touch();
   }
 
@@ -143,8 +159,8 @@ export class ClayView {
     handle.set(...pose.handle_m).multiplyScalar(MM_PER_M);
     this.#tool.place(tool, handle);
     force.set(...pose.toolForce_n);
-    tool.z += this.#toolTop_mm;
-    handle.z += this.#toolTop_mm;
+    tool.z += this.#cutting_mm;
+    handle.z += this.#grip_mm;
     this.#toolForce.point(tool, force, force.length() * mm_per_n);
     force.set(...pose.feltForce_n);
     this.#feltForce.point(handle, force, force.length() * mm_per_n);
@@ -152,7 +168,7 @@ export class ClayView {
 
   /** Where the tool has been: x, y, z in m one after the other, oldest first. */
   setTrail(points_m: readonly number[]): void {
-    this.#trail.set(points_m, 0);
+    this.#trail.set(points_m, TRAIL_LIFT_MM);
     this.#changed = true;
   }
 
@@ -195,6 +211,11 @@ export class ClayView {
     this.#orbit.update();
     if (!this.#changed) return false;
     this.#changed = false;
+    if (this.#shadowsDue && SHADOWS_EVERY_MS[this.#quality] <= now_ms - this.#shadows_ms) {
+      this.#renderer.shadowMap.needsUpdate = true;
+      this.#shadowsDue = false;
+      this.#shadows_ms = now_ms;
+    }
     this.#renderer.render(this.#scene, this.#camera);
     if (this.#pace.add(now_ms)) this.#fitCanvas();
     return true;
@@ -218,11 +239,12 @@ export class ClayView {
   /** Something that casts a shadow has moved. */
   #touch(): void {
     this.#changed = true;
-    this.#renderer.shadowMap.needsUpdate = true;
+    this.#shadowsDue = true;
   }
 
   #fitCanvas(): void {
-    this.#renderer.setPixelRatio(Math.min(this.#devicePixels, 2) * this.#pace.scale);
+    const finest = this.#quality === "fine" ? 2 : 1;
+    this.#renderer.setPixelRatio(Math.min(this.#devicePixels, finest) * this.#pace.scale);
     this.#renderer.setSize(this.#width, this.#height, false);
     this.#changed = true;
   }

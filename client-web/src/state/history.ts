@@ -98,9 +98,10 @@ export class History {
       points[2 * column] = leastFirst ? least : greatest;
       points[2 * column + 1] = leastFirst ? greatest : least;
     };
-    for (let i = this.#firstAfter(columns.start_s); i < this.#count; i += 1) {
+    for (let i = this.#firstAfter((columns.first - 1) * columns.width_s); i < this.#count; i += 1) {
       const slot = i % CAPACITY;
-      const at = Math.floor((this.#time_s[slot] - columns.start_s) / columns.width_s);
+      const at = Math.floor(this.#time_s[slot] / columns.width_s) - columns.first;
+      if (at < 0) continue;
       if (columns.count <= at) break;
       const value = this.#values[channel * CAPACITY + slot];
       if (at !== column) {
@@ -131,25 +132,27 @@ export class History {
   }
 }
 
-/** Columns of equal width; the last one ends at or after the newest sample. */
+/**
+ * Columns of equal width, counted from the start of time: a sample's column does not depend on where the plot begins. The
+ * last one holds the newest sample.
+ */
 export interface Columns {
-  readonly start_s: number;
+  readonly first: number;
   readonly width_s: number;
   readonly count: number;
 }
 
 export function columnsUntil(until_s: number, span_s: number, wanted: number): Columns {
   const width_s = span_s / wanted;
-  const last = Math.floor(until_s / width_s);
   // One column more than asked for: the first is only partly within the span.
-  return { start_s: (last - wanted) * width_s, width_s, count: wanted + 1 };
+  return { first: Math.floor(until_s / width_s) - wanted, width_s, count: wanted + 1 };
 }
 
 /** The times of an envelope's points, s before `until_s`. */
 export function timesOf(columns: Columns, until_s: number): number[] {
   const times: number[] = [];
   for (let n = 0; n < 2 * columns.count; n += 1) {
-    times.push(columns.start_s + (n / 2 + 0.25) * columns.width_s - until_s);
+    times.push((columns.first + n / 2 + 0.25) * columns.width_s - until_s);
   }
   return times;
 }

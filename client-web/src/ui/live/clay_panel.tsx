@@ -4,6 +4,7 @@ import { useSignal, useSignalEffect, useComputed, type Signal } from "@preact/si
 import type { JSX } from "preact";
 import { useEffect, useRef } from "preact/hooks";
 import { Channel } from "../../protocol/telemetry";
+import type { Quality } from "../../scene/quality";
 import { ClayView, type Look, type ViewColours } from "../../scene/view";
 import { onFrame } from "../frame";
 import { clayFeed, live } from "../store";
@@ -27,7 +28,7 @@ export function ClayPanel(): JSX.Element {
     if (canvas.current === null) return undefined;
     let created: ClayView;
     try {
-      created = new ClayView(canvas.current);
+      created = new ClayView(canvas.current, wantedQuality());
     } catch (error) {
       missing.value = error instanceof Error ? error.message : String(error);
       return undefined;
@@ -130,6 +131,12 @@ function followLoop(
       frames = 0;
     }
   });
+}
+
+/** `#/live?picture=fine` draws all there is on any machine, for pictures; `picture=plain` spares one. */
+function wantedQuality(): Quality | undefined {
+  const wanted = new URLSearchParams(location.hash.split("?").at(1)).get("picture");
+  return wanted === "fine" || wanted === "plain" ? wanted : undefined;
 }
 
 function coloursOf(element: Element): ViewColours {

@@ -18,6 +18,8 @@ const AXES = ["x", "y", "z"] as const;
 interface CurveSpec {
   readonly label: string;
   readonly colour: string;
+  /** Curves that lie on one another are told apart by their width: what is drawn first is wider. */
+  readonly width?: number;
   readonly channel: number;
   /** Shown value of a telemetry value, for an axis. */
   readonly shown: (value: number, axis: number, session: Session, tool: ToolState) => number;
@@ -41,22 +43,22 @@ const PLOTS: readonly PlotSpec[] = [
   {
     title: "Force", unit: "N", places: 2, least: 0.2,
     curves: [
-      { label: "hand", colour: "--hand", channel: Channel.hand_force_n, shown: asItIs },
-      { label: "felt", colour: "--felt", channel: Channel.felt_force_n, shown: asItIs },
+      { label: "hand", colour: "--hand", width: 3, channel: Channel.hand_force_n, shown: asItIs },
+      { label: "felt", colour: "--felt", width: 3, channel: Channel.felt_force_n, shown: asItIs },
       { label: "tool", colour: "--tool", channel: Channel.tool_force_n, shown: asItIs },
     ],
   },
   {
     title: "Position", unit: "mm", places: 1, least: 2,
     curves: [
-      { label: "hand", colour: "--hand", channel: Channel.handle_position_m, shown: handleInMm },
+      { label: "hand", colour: "--hand", width: 3, channel: Channel.handle_position_m, shown: handleInMm },
       { label: "tool", colour: "--tool", channel: Channel.tool_position_m, shown: inMm },
     ],
   },
   {
     title: "Velocity", unit: "mm/s", places: 0, least: 5,
     curves: [
-      { label: "hand", colour: "--hand", channel: Channel.handle_velocity_m_s, shown: handleSpeedInMm },
+      { label: "hand", colour: "--hand", width: 3, channel: Channel.handle_velocity_m_s, shown: handleSpeedInMm },
       { label: "tool", colour: "--tool", channel: Channel.tool_velocity_m_s, shown: inMm },
     ],
   },

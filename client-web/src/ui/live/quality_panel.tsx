@@ -77,8 +77,8 @@ function cellsNow(): Cell[] {
       grade: coordination_m < 0.001 ? "good" : coordination_m < 0.005 ? "warn" : "bad", test: "coordination",
     },
     {
-      label: "removed", text: fixed(clay.removed_volume_m3 * MM3_PER_M3 / 1000, 2), unit: `cm³ · ${fixed(removed, 1)} %`,
-      title: `${count(clay.removed_units)} of ${count(clay.initial_units)} units of ${significant(clay.unit_volume_m3 * MM3_PER_M3)} mm³`,
+      label: "removed", text: fixed(clay.removed_volume_m3 * MM3_PER_M3 / 1000, 2), unit: "cm³",
+      title: `${fixed(removed, 2)} %: ${count(clay.removed_units)} of ${count(clay.initial_units)} units of ${significant(clay.unit_volume_m3 * MM3_PER_M3)} mm³`,
       test: "removed",
     },
     {

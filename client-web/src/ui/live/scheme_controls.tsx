@@ -6,17 +6,18 @@ import { type Scheme, SCHEMES } from "../../protocol/session";
 import { live } from "../store";
 
 const WORDS: Record<Scheme, { name: string; says: string }> = {
-  force_exchange: { name: "Force exchange", says: "each side integrates both forces; drifts apart under delay" },
-  position_force: { name: "Position–force", says: "position up, force back; unstable under delay" },
-  wave: { name: "Wave variables", says: "passive at any delay; stiff clay feels soft" },
-  tdpa: { name: "Time-domain passivity", says: "dissipates what the line would add" },
-  replica: { name: "Replica", says: "the hand cuts its own copy; no line to feel" },
+  force_exchange: { name: "Force exchange", says: "Each side moves by both forces. Stable at most delays, but hand and tool drift apart." },
+  position_force: { name: "Position–force", says: "Position goes up, force comes back. Crisp without delay, unstable with it." },
+  wave: { name: "Wave variables", says: "Passive at any delay; the longer the line, the softer stiff clay feels." },
+  tdpa: { name: "Time-domain passivity", says: "Watches the energy of the line and dissipates what it would add." },
+  replica: { name: "Replica", says: "The hand cuts a copy of the clay without any delay; the server stays the authority." },
 };
 
 export function SchemeControls(): JSX.Element {
   const edit = live.edits.of("/scheme").value;
   const server = useComputed(() => live.session.value?.scheme);
   const chosen = edit.name === "wished" ? edit.value : server.value;
+  const chosenScheme = SCHEMES.find((scheme) => scheme === chosen);
   return (
     <section class="group" data-edit={edit.name} data-testid="/scheme">
       <h2 id="scheme">Scheme</h2>
@@ -27,14 +28,14 @@ export function SchemeControls(): JSX.Element {
               type="radio"
               name="scheme"
               value={scheme}
-              checked={chosen === scheme}
+              checked={chosenScheme === scheme}
               onChange={() => live.edits.wish({ "/scheme": scheme })}
             />
             <span>{WORDS[scheme].name}</span>
-            <small>{WORDS[scheme].says}</small>
           </label>
         ))}
       </div>
+      {chosenScheme !== undefined && <p class="faint says">{WORDS[chosenScheme].says}</p>}
       {edit.name === "refused" && <p class="refusal" role="alert">{edit.detail}</p>}
     </section>
   );

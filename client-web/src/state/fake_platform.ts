@@ -1,0 +1,92 @@
+// A world for tests: time stands still until it is told to pass, and the server says what the test says.
+
+import type { Answer, Platform, Socket, SocketEvents } from "./platform";
+
+interface Timer {
+  readonly at_ms: number;
+  readonly run: () => void;
+}
+
+export class FakeSocket implements Socket {
+  readonly path: string;
+  readonly events: SocketEvents;
+  readonly sent: string[] = [];
+  closed = false;
+
+  constructor(path: string, events: SocketEvents) {
+    this.path = path;
+    this.events = events;
+  }
+
+  send(text: string): void {
+    this.sent.push(text);
+  }
+
+  close(): void {
+    this.closed = true;
+  }
+}
+
+export class FakePlatform implements Platform {
+  readonly sockets: FakeSocket[] = [];
+  readonly requests: { method: string; path: string; body: unknown }[] = [];
+  /** What the server answers; throws when there is none. */
+  answer: (method: string, path: string, body: unknown) => Answer | Promise<Answer> = () => {
+    throw new Error("nobody answers");
+  };
+  #time_ms = 0;
+  #timers: Timer[] = [];
+
+  get lastSocket(): FakeSocket {
+    const socket = this.sockets.at(-1);
+    if (socket === undefined) throw new Error("no socket was opened");
+    return socket;
+  }
+
+  now_ms(): number {
+    return this.#time_ms;
+  }
+
+  random(): number {
+    return 0.5;
+  }
+
+  after(delay_ms: number, run: () => void): () => void {
+    const timer = { at_ms: this.#time_ms + delay_ms, run };
+    this.#timers.push(timer);
+    return () => {
+      this.#timers = this.#timers.filter((other) => other !== timer);
+    };
+  }
+
+  connect(path: string, _subprotocol: string, events: SocketEvents): Socket {
+    const socket = new FakeSocket(path, events);
+    this.sockets.push(socket);
+    return socket;
+  }
+
+  async request(method: string, path: string, body?: unknown): Promise<Answer> {
+    this.requests.push({ method, path, body });
+    return this.answer(method, path, body);
+  }
+
+  /** Lets time pass, timer by timer, and lets answers arrive in between. */
+  async pass(duration_ms: number): Promise<void> {
+    const end_ms = this.#time_ms + duration_ms;
+    await settled();
+    for (;;) {
+      const next = this.#timers.filter(({ at_ms }) => at_ms <= end_ms).sort((a, b) => a.at_ms - b.at_ms).at(0);
+      if (next === undefined) break;
+      this.#timers = this.#timers.filter((timer) => timer !== next);
+      this.#time_ms = next.at_ms;
+      next.run();
+      await settled();
+    }
+    this.#time_ms = end_ms;
+  }
+}
+
+/** Lets everything run that only waits for its turn. */
+export async function settled(): Promise<void> {
+  for (let turn = 0; turn < 12; turn += 1) await Promise.resolve();
+}
