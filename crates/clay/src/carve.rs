@@ -16,18 +16,17 @@
 
 mod ball;
 mod blade;
-mod lanes;
 
 use crate::changes::Changes;
 use crate::field::{Brick, Field, SOLID};
-use crate::grid::BRICK_EDGE;
+use crate::grid::{BRICK_EDGE, Grid};
+use crate::lanes::{Bytes, Floats, Ints, LANES, lesser_bytes};
 use crate::pose::STEPS_PER_METRE;
 use crate::sweep::Sweep;
 use crate::tool::ToolShape;
 
 use ball::BallSweep;
 use blade::BladeSweep;
-use lanes::LANES;
 
 /// Half width of the ramp from air to solid, in voxels.
 const RAMP: f64 = 1.0;
@@ -37,6 +36,8 @@ const SLACK: f64 = 0.01;
 const SINGLE_ERROR: f64 = 1e-6;
 
 const EDGE: i32 = BRICK_EDGE as i32;
+/// Groups of lanes in a row of a brick.
+const BRICK_GROUPS: usize = BRICK_EDGE / LANES;
 
 /// What is known about the clay before a sweep.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -47,14 +48,59 @@ pub(crate) enum Start {
     Clear,
 }
 
+/// Memory that cutting needs, made once so that cutting never allocates.
+#[derive(Clone, Debug)]
+pub(crate) struct Scratch {
+    work: WorkList,
+    /// The bricks along x that the rows at hand run through.
+    along: Vec<Column>,
+}
+
+/// A brick in the row of bricks at hand.
+#[derive(Clone, Copy, Debug)]
+struct Column {
+    brick: Brick,
+    removed: u32,
+}
+
+impl Scratch {
+    pub(crate) fn new(grid: &Grid) -> Self {
+        let bricks = usize::from(grid.bricks()[0]);
+        Self {
+            work: WorkList::new(bricks),
+            along: vec![
+                Column {
+                    brick: Brick::Empty,
+                    removed: 0
+                };
+                bricks
+            ],
+        }
+    }
+}
+
 /// Removes what the sweep passes through; returns how many 1/255 of a voxel that was. Allocates nothing.
-pub(crate) fn carve(field: &mut Field, changes: &mut Changes, sweep: &Sweep, start: Start) -> u64 {
+pub(crate) fn carve(
+    field: &mut Field,
+    changes: &mut Changes,
+    scratch: &mut Scratch,
+    sweep: &Sweep,
+    start: Start,
+) -> u64 {
     let way = Way::new(sweep, field.grid().voxel_size_m());
     match &sweep.shape {
-        ToolShape::Ball(ball) => carve_solid(field, changes, &BallSweep::new(ball, &way, start)),
-        ToolShape::Blade(blade) => {
-            carve_solid(field, changes, &BladeSweep::new(blade, &way, start))
-        }
+        ToolShape::Ball(ball) => carve_solid(
+            field,
+            changes,
+            scratch,
+            &mut BallSweep::new(ball, &way, start),
+        ),
+        ToolShape::Blade(blade) => carve_solid(
+            field,
+            changes,
+            scratch,
+            &mut BladeSweep::new(blade, &way, start),
+        ),
     }
 }
 
@@ -119,23 +165,94 @@ impl Way {
 
 /// A swept solid, ready to cut one grid.
 trait Solid {
-    type Row: Row;
-
     /// Voxels that can be affected, along each axis from the first up to but not including the last.
     fn bounds(&self) -> [[i32; 2]; 3];
 
-    /// The row of voxels at `y`, `z`, and which of its voxels may change: two spans, from the first up to but not
-    /// including the last. `None` if none may.
-    fn row(&self, y: i32, z: i32) -> Option<(Self::Row, [[i32; 2]; 2])>;
+    /// Narrows the rows that can be affected at `z`, from the first up to but not including the last.
+    fn rows_at(&self, z: i32, rows: [i32; 2]) -> [i32; 2];
+
+    /// Which voxels may change in the rows `y` to `y + LANES` at `z`. What else it finds out about the rows it may keep in its table.
+    fn spans(&mut self, y: i32, z: i32, row: usize) -> Spans;
+
+    /// What is left over in the voxels `x` to `x + LANES` of a row.
+    fn leaves(&self, voxel: [i32; 3], row: usize) -> Bytes;
 }
 
-/// What a swept solid leaves over along one row of voxels.
-trait Row {
-    /// Occupancies left over in the voxels `x` to `x + LANES`.
-    fn leaves(&self, x: i32) -> [u8; LANES];
+/// Two spans along x in each of several rows, as places: all voxels between them, and some about them, may be looked at. A span with a
+/// NaN is empty. The second begins where the first ends, or later.
+struct Spans {
+    first: [Floats; 2],
+    second: [Floats; 2],
 }
 
-fn carve_solid<S: Solid>(field: &mut Field, changes: &mut Changes, solid: &S) -> u64 {
+/// Groups of voxels to look at within the rows of bricks at one place in y and z.
+#[derive(Clone, Debug)]
+struct WorkList {
+    /// Row in the brick (16 z + y) times 256, plus the group's number along x.
+    groups: Vec<u16>,
+    len: usize,
+}
+
+impl WorkList {
+    /// Groups are written in batches of this many, counted or not.
+    const BATCH: usize = 4;
+
+    fn new(bricks_x: usize) -> Self {
+        let most = BRICK_EDGE * BRICK_EDGE * (bricks_x * BRICK_GROUPS);
+        Self {
+            groups: vec![0; most + Self::BATCH],
+            len: 0,
+        }
+    }
+
+    /// Adds groups of several rows, the first of them `row`.
+    #[inline(always)]
+    fn push(&mut self, row: usize, first: Ints, count: Ints) {
+        let (first, count) = (first.to_array(), count.to_array());
+        let mut len = self.len;
+        for lane in 0..LANES {
+            let next = ((row + lane) << 8) as u64 + first[lane] as u64;
+            let count = count[lane] as usize;
+            self.write(len, next);
+            if Self::BATCH < count {
+                self.write_long(len, next, count);
+            }
+            len += count;
+        }
+        self.len = len;
+    }
+
+    /// Writes a batch of groups from `next` on. Most spans are shorter than a batch: writing one whole costs less than a branch
+    /// that cannot be foreseen.
+    #[inline(always)]
+    fn write(&mut self, at: usize, next: u64) {
+        // What overflows from one number into the next does so past the last group that counts.
+        let batch = next
+            .wrapping_mul(0x0001_0001_0001_0001)
+            .wrapping_add(0x0003_0002_0001_0000);
+        let numbers = [
+            batch as u16,
+            (batch >> 16) as u16,
+            (batch >> 32) as u16,
+            (batch >> 48) as u16,
+        ];
+        self.groups[at..at + Self::BATCH].copy_from_slice(&numbers);
+    }
+
+    #[cold]
+    fn write_long(&mut self, at: usize, next: u64, count: usize) {
+        for done in (0..count).step_by(Self::BATCH) {
+            self.write(at + done, next + done as u64);
+        }
+    }
+}
+
+fn carve_solid<S: Solid>(
+    field: &mut Field,
+    changes: &mut Changes,
+    scratch: &mut Scratch,
+    solid: &mut S,
+) -> u64 {
     let voxels = field.grid().voxels().map(i32::from);
     let bounds = solid.bounds();
     let [xs, ys, zs]: [[i32; 2]; 3] =
@@ -146,30 +263,31 @@ fn carve_solid<S: Solid>(field: &mut Field, changes: &mut Changes, solid: &S) ->
     let [bricks_x, bricks_y, _] = field.grid().bricks().map(usize::from);
     let revision = changes.upcoming();
     let before = field.total();
-    let last_brick = |end: i32| (end - 1) / EDGE;
-    for brick_z in zs[0] / EDGE..=last_brick(zs[1]) {
-        for brick_y in ys[0] / EDGE..=last_brick(ys[1]) {
+    let bricks_along = |[start, end]: [i32; 2]| start / EDGE..(end - 1) / EDGE + 1;
+    for brick_z in bricks_along(zs) {
+        for brick_y in bricks_along(ys) {
             let first = (brick_z as usize * bricks_y + brick_y as usize) * bricks_x;
-            let along = first + (xs[0] / EDGE) as usize..=first + last_brick(xs[1]) as usize;
-            if along
-                .into_iter()
-                .all(|brick| field.brick(brick) == Brick::Empty)
-            {
+            let mut anything = false;
+            for brick_x in bricks_along(xs) {
+                let brick = field.brick(first + brick_x as usize);
+                scratch.along[brick_x as usize] = Column { brick, removed: 0 };
+                anything |= brick != Brick::Empty;
+            }
+            if !anything {
                 continue;
             }
-            for z in zs[0].max(brick_z * EDGE)..zs[1].min((brick_z + 1) * EDGE) {
-                for y in ys[0].max(brick_y * EDGE)..ys[1].min((brick_y + 1) * EDGE) {
-                    let Some((row, spans)) = solid.row(y, z) else {
-                        continue;
-                    };
-                    let at = RowAt {
-                        first,
-                        offset: ((z % EDGE * EDGE + y % EDGE) * EDGE) as usize,
-                    };
-                    for span in spans {
-                        let span = [span[0].max(xs[0]), span[1].min(xs[1])];
-                        carve_span(field, changes, revision, &row, at, span);
-                    }
+            let corner = [brick_y * EDGE, brick_z * EDGE];
+            let within = |[start, end]: [i32; 2], corner: i32| {
+                [start.max(corner) - corner, end.min(corner + EDGE) - corner]
+            };
+            let rows = [within(ys, corner[0]), within(zs, corner[1])];
+            list_work(&mut scratch.work, solid, corner, rows, xs);
+            carve_groups(field, scratch, &*solid, corner, first);
+            for brick_x in bricks_along(xs) {
+                let removed = scratch.along[brick_x as usize].removed;
+                if 0 < removed {
+                    field.book_removal(first + brick_x as usize, removed);
+                    changes.mark(first + brick_x as usize, revision);
                 }
             }
         }
@@ -177,90 +295,90 @@ fn carve_solid<S: Solid>(field: &mut Field, changes: &mut Changes, solid: &S) ->
     before - field.total()
 }
 
-/// Where a row of voxels is stored: the first of the bricks it runs through, and its place in each of them.
-#[derive(Clone, Copy)]
-struct RowAt {
-    first: usize,
-    offset: usize,
-}
-
-#[inline]
-fn carve_span<R: Row>(
-    field: &mut Field,
-    changes: &mut Changes,
-    revision: u64,
-    row: &R,
-    at: RowAt,
-    span: [i32; 2],
+/// Lists the groups of voxels that may change, within a range of the rows of bricks at a corner.
+#[inline(always)]
+fn list_work<S: Solid>(
+    work: &mut WorkList,
+    solid: &mut S,
+    corner: [i32; 2],
+    [ys, zs]: [[i32; 2]; 2],
+    xs: [i32; 2],
 ) {
-    let mut x = span[0];
-    while x < span[1] {
-        let brick_x = x / EDGE;
-        let end = span[1].min((brick_x + 1) * EDGE);
-        let brick = at.first + brick_x as usize;
-        let removed = carve_row(field, brick, row, at.offset, [x, end]);
-        if 0 < removed {
-            field.book_removal(brick, removed);
-            changes.mark(brick, revision);
+    work.len = 0;
+    // Groups that exist: a span may reach past the grid.
+    let groups = [xs[0] / LANES as i32, (xs[1] - 1) / LANES as i32 + 1];
+    for z in zs[0]..zs[1] {
+        let [start, end] = solid
+            .rows_at(corner[1] + z, ys.map(|y| corner[0] + y))
+            .map(|y| y - corner[0]);
+        // Rows are taken in whole lanes; those beyond the solid have no span.
+        let mut y = start & -(LANES as i32);
+        while y < end {
+            let row = (z * EDGE + y) as usize;
+            let spans = solid.spans(corner[0] + y, corner[1] + z, row);
+            let first_start = group_from(spans.first[0], groups);
+            let first_end = group_to(spans.first[1], groups);
+            work.push(row, first_start, (first_end - first_start).not_below_0());
+            // A group in both spans is done already.
+            let second_start = group_from(spans.second[0], groups).greater(first_end);
+            let second_end = group_to(spans.second[1], groups);
+            work.push(row, second_start, (second_end - second_start).not_below_0());
+            y += LANES as i32;
         }
-        x = end;
     }
 }
 
-/// Cuts one row of one brick and returns what was removed.
-#[inline]
-fn carve_row<R: Row>(
+/// The groups that hold the first voxels at or above these places along rows, kept between two groups.
+#[inline(always)]
+fn group_from(low: Floats, [least, most]: [i32; 2]) -> Ints {
+    let bounds = [least, most].map(|group| (group * LANES as i32) as f32);
+    // The first whole number at or above a place is the one nearest to half above it, but for ties, which spans are drawn
+    // generously enough to lose.
+    (low + Floats::splat(0.5))
+        .nearest_within(bounds)
+        .quartered()
+}
+
+/// The groups after those that hold the last voxels at or below these places along rows, kept between two groups.
+#[inline(always)]
+fn group_to(high: Floats, [least, most]: [i32; 2]) -> Ints {
+    let bounds = [least, most].map(|group| (group * LANES as i32 - 1) as f32);
+    let last = (high - Floats::splat(0.5)).nearest_within(bounds);
+    (last + Ints::splat(LANES as i32)).quartered()
+}
+
+/// Cuts the listed groups and counts what was removed from each brick.
+#[inline(always)]
+fn carve_groups<S: Solid>(
     field: &mut Field,
-    brick: usize,
-    row: &R,
-    offset: usize,
-    span: [i32; 2],
-) -> u32 {
-    let slot = match field.brick(brick) {
-        Brick::Empty => return 0,
-        Brick::Full => {
-            let left = leaves_over(row, span);
-            if left == [SOLID; BRICK_EDGE] {
-                return 0;
-            }
-            field.materialise(brick)
+    scratch: &mut Scratch,
+    solid: &S,
+    corner: [i32; 2],
+    first_brick: usize,
+) {
+    const ALL_SOLID: Bytes = Bytes::from_le_bytes([SOLID; LANES]);
+    let Scratch { work, along } = scratch;
+    for &item in &work.groups[..work.len] {
+        let (row, group) = (usize::from(item >> 8), usize::from(item & 0xFF));
+        let column = &mut along[group / BRICK_GROUPS];
+        if column.brick == Brick::Empty {
+            continue;
         }
-        Brick::Slot(slot) => slot,
-    };
-    let (rows, _) = field.slot_mut(slot).as_chunks_mut::<BRICK_EDGE>();
-    let cells = &mut rows[offset / BRICK_EDGE];
-    let old = u128::from_le_bytes(*cells);
-    if old == 0 {
-        return 0;
+        let (y, z) = ((row % BRICK_EDGE) as i32, (row / BRICK_EDGE) as i32);
+        let left = solid.leaves([(group * LANES) as i32, corner[0] + y, corner[1] + z], row);
+        let slot = match column.brick {
+            Brick::Slot(slot) => slot,
+            _ if left == ALL_SOLID => continue,
+            _ => {
+                let slot = field.materialise(first_brick + group / BRICK_GROUPS);
+                column.brick = Brick::Slot(slot);
+                slot
+            }
+        };
+        let (groups, _) = field.slot_mut(slot).as_chunks_mut::<LANES>();
+        let cells = &mut groups[row * BRICK_GROUPS + group % BRICK_GROUPS];
+        let (new, removed) = lesser_bytes(left, Bytes::from_le_bytes(*cells));
+        *cells = new.to_le_bytes();
+        column.removed += removed;
     }
-    let left = leaves_over(row, span);
-    for (cell, left) in cells.iter_mut().zip(left) {
-        *cell = (*cell).min(left);
-    }
-    // No byte grew, so the difference of the words is the difference of their bytes.
-    byte_sum(old - u128::from_le_bytes(*cells))
-}
-
-/// What the sweep leaves over in a row of a brick; solid outside the span's groups of lanes.
-#[inline]
-fn leaves_over<R: Row>(row: &R, span: [i32; 2]) -> [u8; BRICK_EDGE] {
-    let mut left = [SOLID; BRICK_EDGE];
-    let (groups, _) = left.as_chunks_mut::<LANES>();
-    let lanes = LANES as i32;
-    let mut x = span[0] - span[0] % lanes;
-    while x < span[1] {
-        groups[(x % EDGE / lanes) as usize] = row.leaves(x);
-        x += lanes;
-    }
-    left
-}
-
-/// Sum of the sixteen bytes of a word.
-#[inline]
-fn byte_sum(word: u128) -> u32 {
-    const EVEN: u128 = 0x00FF_00FF_00FF_00FF_00FF_00FF_00FF_00FF;
-    let pairs = (word & EVEN) + ((word >> 8) & EVEN);
-    // Eight sums of at most 510: folding two halves of 64 bits keeps them below 1021, and the product below gathers four.
-    let folded = (pairs >> 64) as u64 + pairs as u64;
-    (folded.wrapping_mul(0x0001_0001_0001_0001) >> 48) as u32
 }

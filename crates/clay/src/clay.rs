@@ -2,7 +2,7 @@
 
 use thiserror::Error;
 
-use crate::carve::{self, Start};
+use crate::carve::{self, Scratch, Start};
 use crate::changes::Changes;
 use crate::engage::{self, Tool};
 use crate::field::{self, BrickView, Field};
@@ -28,6 +28,7 @@ pub struct Clay {
     changes: Changes,
     hashes: Hashes,
     cleared: Cleared,
+    scratch: Scratch,
 }
 
 /// Content that a brick cannot take.
@@ -84,6 +85,7 @@ impl Clay {
             changes: Changes::none(bricks),
             hashes,
             cleared: Cleared::default(),
+            scratch: Scratch::new(&grid),
         })
     }
 
@@ -113,7 +115,13 @@ impl Clay {
         if start == Start::Clear && sweep.from == sweep.to {
             return 0;
         }
-        carve::carve(&mut self.field, &mut self.changes, sweep, start)
+        carve::carve(
+            &mut self.field,
+            &mut self.changes,
+            &mut self.scratch,
+            sweep,
+            start,
+        )
     }
 
     /// One tick of a tool: cuts the motion's sweep, then feels the clay that is left and answers.

@@ -28,6 +28,7 @@ mod field;
 pub mod golden;
 mod grid;
 mod hash;
+mod lanes;
 mod law;
 mod pose;
 mod shape;

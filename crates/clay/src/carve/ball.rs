@@ -1,7 +1,8 @@
 //! A ball swept along a straight way: a capsule.
 
-use super::lanes::{LANES, greater, left_over, lesser, places, span_within};
-use super::{RAMP, Row, SLACK, Solid, Start, Way};
+use super::{RAMP, SLACK, Solid, Spans, Start, Way};
+use crate::grid::BRICK_EDGE;
+use crate::lanes::{Bytes, Floats, LANES};
 use crate::tool::Ball;
 
 /// Sweeps up to this long, in voxels, are bounded by one ball about their middle; longer ones are worth more thought.
@@ -27,23 +28,26 @@ pub(super) struct BallSweep {
     clear_squared: Option<f32>,
     /// Generosity, in squared voxels, of comparisons along the way.
     along_slack: f32,
+    /// Reciprocal of the step along x; 0 where it is too short to divide by.
+    per_along_x: f32,
+    /// Most that the way along x adds to the place along the step, where it is not divided by.
+    most_along_x: f32,
+    /// Place along the step, in squared voxels, past which only the end matters.
+    end_only_from: f32,
+    rows: RowTable,
     way_from: [f64; 3],
     way_step: [f64; 3],
     bounds: [[i32; 2]; 3],
 }
 
-pub(super) struct BallRow {
-    radius: f32,
-    from_x: f32,
-    to_x: f32,
-    /// Squared distances of the row from the start and the end.
-    from_squared: f32,
-    to_squared: f32,
-    from_yz: [f32; 2],
-    step: [f32; 3],
-    /// The part of the place along the way that is the same for the whole row.
-    along_yz: f32,
-    per_step_squared: f32,
+const ROWS: usize = BRICK_EDGE * BRICK_EDGE;
+
+/// What was found out about the rows of the bricks at hand.
+struct RowTable {
+    /// Place along the step, in squared voxels, less what x adds.
+    ahead: [f32; ROWS],
+    /// Squared distance from the end, less what x adds.
+    to_squared: [f32; ROWS],
 }
 
 impl BallSweep {
@@ -57,6 +61,8 @@ impl BallSweep {
         let size = reach + length;
         let short_reach = reach + 0.5 * length;
         let clear = (radius - RAMP - slack).max(0.0);
+        let along_slack = SLACK * length + size * (8.0 * way.rounding + 2e-6 * size);
+        let divisible = along_slack < step[0].abs();
         let negated = |at: [f64; 3]| at.map(|at| -at as f32);
         Self {
             radius: radius as f32,
@@ -72,29 +78,55 @@ impl BallSweep {
             reach,
             short_reach_squared: (length <= SHORT).then_some((short_reach * short_reach) as f32),
             clear_squared: (start == Start::Clear).then_some((clear * clear) as f32),
-            along_slack: (SLACK * length + size * (8.0 * way.rounding + 2e-6 * size)) as f32,
+            along_slack: along_slack as f32,
+            end_only_from: (length_squared + along_slack) as f32,
+            rows: RowTable {
+                ahead: [0.0; ROWS],
+                to_squared: [0.0; ROWS],
+            },
+            per_along_x: if divisible {
+                (1.0 / step[0]) as f32
+            } else {
+                0.0
+            },
+            most_along_x: if divisible {
+                0.0
+            } else {
+                (step[0].abs() * size) as f32
+            },
             way_from: way.from,
             way_step: step,
             bounds: way.bounds([reach; 3]),
         }
     }
 
-    /// Where the row is within reach of the capsule.
-    fn outer(&self, y: i32, z: i32) -> Option<(f32, f32)> {
+    /// Where rows are within reach of the capsule; NaN where they are not.
+    #[inline(always)]
+    fn outer(&self, y: i32, z: i32) -> [Floats; 2] {
         let Some(reach_squared) = self.short_reach_squared else {
-            return self.long_outer(f64::from(y), f64::from(z));
+            return self.long_outer(y, z);
         };
-        let (dy, dz) = (y as f32 + self.middle[1], z as f32 + self.middle[2]);
-        let rest = reach_squared - (dy * dy + dz * dz);
-        if rest <= 0.0 {
-            return None;
+        let dy = Floats::from(y) + Floats::splat(self.middle[1]);
+        let dz = z as f32 + self.middle[2];
+        let half = (Floats::splat(reach_squared - dz * dz) - dy * dy).sqrt();
+        let middle_x = Floats::splat(-self.middle[0]);
+        [middle_x - half, middle_x + half]
+    }
+
+    #[cold]
+    fn long_outer(&self, y: i32, z: i32) -> [Floats; 2] {
+        let (mut low, mut high) = ([f32::NAN; LANES], [f32::NAN; LANES]);
+        for lane in 0..LANES {
+            let y = f64::from(y + lane as i32);
+            if let Some(span) = self.long_outer_of_row(y, f64::from(z)) {
+                (low[lane], high[lane]) = span;
+            }
         }
-        let half = rest.sqrt();
-        Some((-self.middle[0] - half, half - self.middle[0]))
+        [low, high].map(Floats::from_array)
     }
 
     /// The same for a long capsule: hull of what its end balls and its cylinder cover of the row.
-    fn long_outer(&self, y: f64, z: f64) -> Option<(f32, f32)> {
+    fn long_outer_of_row(&self, y: f64, z: f64) -> Option<(f32, f32)> {
         let [mx, my, mz] = self.way_step;
         let length_squared = mx * mx + my * my + mz * mz;
         let (wy, wz) = (y - self.way_from[1], z - self.way_from[2]);
@@ -141,84 +173,100 @@ impl BallSweep {
 }
 
 impl Solid for BallSweep {
-    type Row = BallRow;
-
     fn bounds(&self) -> [[i32; 2]; 3] {
         self.bounds
     }
 
-    #[inline]
-    fn row(&self, y: i32, z: i32) -> Option<(BallRow, [[i32; 2]; 2])> {
-        let (mut low, mut high) = self.outer(y, z)?;
-        let from_yz = [y as f32 + self.from[1], z as f32 + self.from[2]];
-        let to_yz = [y as f32 + self.to[1], z as f32 + self.to[2]];
-        let along_yz = from_yz[0] * self.step[1] + from_yz[1] * self.step[2];
-        let row = BallRow {
-            radius: self.radius,
-            from_x: self.from[0],
-            to_x: self.to[0],
-            from_squared: from_yz[0] * from_yz[0] + from_yz[1] * from_yz[1],
-            to_squared: to_yz[0] * to_yz[0] + to_yz[1] * to_yz[1],
-            from_yz,
-            step: self.step,
-            along_yz,
-            per_step_squared: self.per_step_squared,
+    #[inline(always)]
+    fn rows_at(&self, z: i32, [start, end]: [i32; 2]) -> [i32; 2] {
+        let Some(reach_squared) = self.short_reach_squared else {
+            return [start, end];
         };
+        let dz = z as f32 + self.middle[2];
+        let half = (reach_squared - dz * dz).max(0.0).sqrt();
+        let (low, high) = (-self.middle[1] - half, half - self.middle[1]);
+        // Conversions cut towards zero: downwards, as no row is below it.
+        [start.max(low as i32), end.min(high as i32 + 1)]
+    }
+
+    #[inline(always)]
+    fn spans(&mut self, y: i32, z: i32, row: usize) -> Spans {
+        let [mut low, mut high] = self.outer(y, z);
+        let [_, along_y, along_z] = self.step;
+        let from_y = Floats::from(y) + Floats::splat(self.from[1]);
+        let from_z = z as f32 + self.from[2];
+        let to_y = Floats::from(y) + Floats::splat(self.to[1]);
+        let to_z = z as f32 + self.to[2];
+        let ahead = from_y * Floats::splat(along_y) + Floats::splat(from_z * along_z);
+        let to_squared = to_y * to_y + Floats::splat(to_z * to_z);
+        self.rows.ahead.as_chunks_mut().0[row / LANES] = ahead.to_array();
+        self.rows.to_squared.as_chunks_mut().0[row / LANES] = to_squared.to_array();
         let Some(clear_squared) = self.clear_squared else {
-            return Some((row, [span_within(low, high), [0, 0]]));
+            return Spans {
+                first: [low, high],
+                second: [Floats::splat(f32::NAN); 2],
+            };
         };
-        // Behind the start, the end is farther than the start, whose ball is carved already.
-        let [mx, ..] = self.step;
-        let reach_along = self.along_slack + along_yz;
-        if self.along_slack < mx.abs() {
-            let edge = -reach_along / mx - self.from[0];
-            if 0.0 < mx {
-                low = greater(low, edge);
-            } else {
-                high = lesser(high, edge);
-            }
+        // Behind the start, the end is farther than the start, whose ball is carved already: what is ahead has
+        // along_x (x - from_x) + ahead > 0.
+        let from_x = Floats::splat(-self.from[0]);
+        let generous = ahead + Floats::splat(self.along_slack);
+        if self.per_along_x < 0.0 {
+            high = (from_x - generous * Floats::splat(self.per_along_x)).lesser(high);
+        } else if 0.0 < self.per_along_x {
+            low = (from_x - generous * Floats::splat(self.per_along_x)).greater(low);
         } else {
-            let (a, b) = (mx * (low + self.from[0]), mx * (high + self.from[0]));
-            if reach_along + greater(a, b) < 0.0 {
-                return None;
-            }
+            let nowhere = Floats::splat(-self.most_along_x);
+            high = generous.where_below(nowhere, Floats::splat(f32::NAN), high);
         }
-        if high <= low {
-            return None;
+        // NaN where the row misses what is clear: the first span is then whole, and leaves nothing to the second.
+        let half = (Floats::splat(clear_squared - from_z * from_z) - from_y * from_y).sqrt();
+        Spans {
+            first: [low, (from_x - half).lesser(high)],
+            second: [(from_x + half).greater(low), high],
         }
-        let rest = clear_squared - row.from_squared;
-        if rest <= 0.0 {
-            return Some((row, [span_within(low, high), [0, 0]]));
+    }
+
+    #[inline(always)]
+    fn leaves(&self, voxel: [i32; 3], row: usize) -> Bytes {
+        let [x, ..] = voxel;
+        let [along_x, ..] = self.step;
+        let (first, last) = (
+            x as f32 + self.from[0],
+            (x + LANES as i32 - 1) as f32 + self.from[0],
+        );
+        let (first, last) = (along_x * first, along_x * last);
+        let least = if first < last { first } else { last };
+        if least + self.rows.ahead[row] < self.end_only_from {
+            return self.leaves_anywhere(voxel);
         }
-        let half = rest.sqrt();
-        let (clear_low, clear_high) = (-self.from[0] - half, half - self.from[0]);
-        let front = span_within(low, lesser(high, clear_low));
-        let back = span_within(greater(low, clear_high), high);
-        Some((row, [front, [back[0].max(front[1]), back[1]]]))
+        let to_x = Floats::from(x) + Floats::splat(self.to[0]);
+        let squared = to_x * to_x + Floats::splat(self.rows.to_squared[row]);
+        (squared.sqrt() - Floats::splat(self.radius)).left_over()
     }
 }
 
-impl Row for BallRow {
-    #[inline]
-    fn leaves(&self, x: i32) -> [u8; LANES] {
-        let from = places(x, self.from_x);
-        let to = places(x, self.to_x);
-        let distances = std::array::from_fn(|lane| {
-            let ends = lesser(
-                from[lane] * from[lane] + self.from_squared,
-                to[lane] * to[lane] + self.to_squared,
-            );
-            let along = (from[lane] * self.step[0] + self.along_yz) * self.per_step_squared;
-            let across = [
-                from[lane] - along * self.step[0],
-                self.from_yz[0] - along * self.step[1],
-                self.from_yz[1] - along * self.step[2],
-            ];
-            let side = across[0] * across[0] + across[1] * across[1] + across[2] * across[2];
-            let beside = 0.0 < along && along < 1.0;
-            let nearest = lesser(if beside { side } else { ends }, ends);
-            nearest.sqrt() - self.radius
-        });
-        left_over(distances)
+impl BallSweep {
+    /// What is left over wherever the voxels are. Past the end, by [`BallSweep::end_only_from`], it is what the end alone leaves over, rounding
+    /// and all.
+    fn leaves_anywhere(&self, [x, y, z]: [i32; 3]) -> Bytes {
+        let [along_x, along_y, along_z] = self.step;
+        let from_x = Floats::from(x) + Floats::splat(self.from[0]);
+        let (from_y, from_z) = (y as f32 + self.from[1], z as f32 + self.from[2]);
+        let to_x = Floats::from(x) + Floats::splat(self.to[0]);
+        let (to_y, to_z) = (y as f32 + self.to[1], z as f32 + self.to[2]);
+        let from_squared = from_x * from_x + Floats::splat(from_y * from_y + from_z * from_z);
+        let to_squared = to_x * to_x + Floats::splat(to_y * to_y + to_z * to_z);
+        let ends = from_squared.lesser(to_squared);
+
+        let along = (from_x * Floats::splat(along_x)
+            + Floats::splat(from_y * along_y + from_z * along_z))
+            * Floats::splat(self.per_step_squared);
+        let across_x = from_x - along * Floats::splat(along_x);
+        let across_y = Floats::splat(from_y) - along * Floats::splat(along_y);
+        let across_z = Floats::splat(from_z) - along * Floats::splat(along_z);
+        let side = across_x * across_x + across_y * across_y + across_z * across_z;
+        let nearest = along.where_between_0_and_1(side, ends).lesser(ends);
+        (nearest.sqrt() - Floats::splat(self.radius)).left_over()
     }
 }

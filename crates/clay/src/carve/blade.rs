@@ -4,8 +4,8 @@
 //! that contain an edge direction and `m`: three normals `e x m`, one for each axis `e`. The distance outside is the greatest of the
 //! distances outside the slabs between opposite planes.
 
-use super::lanes::{LANES, greater, left_over, lesser, places, span_within};
-use super::{RAMP, Row, SLACK, Solid, Start, Way};
+use super::{RAMP, SLACK, Solid, Spans, Start, Way};
+use crate::lanes::{Bytes, Floats};
 use crate::tool::{Blade, ToolShape};
 
 /// The hull in voxel units, voxel centres at whole numbers.
@@ -18,10 +18,9 @@ pub(super) struct BladeSweep {
     to: [f32; 3],
     middle: [f32; 3],
     slabs: [Slab; 3],
-    /// Distance outside the hull from which on everything is left.
+    /// Distance outside the hull from which on everything is left, and inside it from which on nothing is.
     reach: f32,
-    /// Distance inside the box at the start beyond which nothing can be left; `None` when nothing is known.
-    clear: Option<f32>,
+    start: Start,
     bounds: [[i32; 2]; 3],
 }
 
@@ -29,27 +28,6 @@ pub(super) struct BladeSweep {
 #[derive(Clone, Copy)]
 struct Slab {
     normal: [f32; 3],
-    half: f32,
-}
-
-pub(super) struct BladeRow {
-    half_x: f32,
-    hull_half_x: f32,
-    from_x: f32,
-    to_x: f32,
-    middle_x: f32,
-    /// Distances outside the planes that run along the row: of the hull, and of the box at start and end.
-    hull_yz: f32,
-    from_yz: f32,
-    to_yz: f32,
-    oblique: [Oblique; 2],
-}
-
-/// A slab along one row: `|slope * w + offset| - half`.
-#[derive(Clone, Copy)]
-struct Oblique {
-    slope: f32,
-    offset: f32,
     half: f32,
 }
 
@@ -75,7 +53,7 @@ impl BladeSweep {
             middle: negated(way.middle()),
             slabs: std::array::from_fn(|axis| Slab::along(axis, step, half)),
             reach: reach as f32,
-            clear: (start == Start::Clear).then_some(reach as f32),
+            start,
             bounds: way.bounds(half.map(|half| half + reach)),
         }
     }
@@ -99,100 +77,100 @@ impl Slab {
         }
     }
 
-    /// Distance outside for a slab whose planes run along x.
-    fn outside(&self, y: f32, z: f32) -> f32 {
-        (self.normal[1] * y + self.normal[2] * z).abs() - self.half
+    /// The part of the distance along the normal that y and z make up.
+    #[inline(always)]
+    fn offset(&self, y: Floats, z: Floats) -> Floats {
+        Floats::splat(self.normal[1]) * y + Floats::splat(self.normal[2]) * z
     }
 }
 
-impl Solid for BladeSweep {
-    type Row = BladeRow;
+/// Distance outside the four planes of a box that run along x.
+#[inline(always)]
+fn outside_yz(y: Floats, z: Floats, half: &[f32; 3]) -> Floats {
+    (y.abs() - Floats::splat(half[1])).greater(z.abs() - Floats::splat(half[2]))
+}
 
+/// Distance outside the two planes of a box that run across x.
+#[inline(always)]
+fn outside_x(x: Floats, half: &[f32; 3]) -> Floats {
+    x.abs() - Floats::splat(half[0])
+}
+
+impl Solid for BladeSweep {
     fn bounds(&self) -> [[i32; 2]; 3] {
         self.bounds
     }
 
-    #[inline]
-    fn row(&self, y: i32, z: i32) -> Option<(BladeRow, [[i32; 2]; 2])> {
-        let at = |offset: &[f32; 3]| (y as f32 + offset[1], z as f32 + offset[2]);
-        let outside =
-            |(y, z): (f32, f32), half: &[f32; 3]| greater(y.abs() - half[1], z.abs() - half[2]);
-        let middle = at(&self.middle);
-        let [along_x, along_y, along_z] = &self.slabs;
-        let hull_yz = greater(
-            outside(middle, &self.hull_half),
-            along_x.outside(middle.0, middle.1),
-        );
-        if self.reach < hull_yz {
-            return None;
-        }
-        let oblique = [along_y, along_z].map(|slab| Oblique {
-            slope: slab.normal[0],
-            offset: slab.normal[1] * middle.0 + slab.normal[2] * middle.1,
-            half: slab.half,
-        });
-        let row = BladeRow {
-            half_x: self.half[0],
-            hull_half_x: self.hull_half[0],
-            from_x: self.from[0],
-            to_x: self.to[0],
-            middle_x: self.middle[0],
-            hull_yz,
-            from_yz: outside(at(&self.from), &self.half),
-            to_yz: outside(at(&self.to), &self.half),
-            oblique,
-        };
-        let half = self.hull_half[0] + self.reach;
-        let (mut low, mut high) = (-half, half);
-        for Oblique {
-            slope,
-            offset,
-            half,
-        } in oblique
-        {
-            // A slope this slight would divide rounding errors; the slab then bounds the row hardly at all.
-            if slope.abs() < 1e-3 {
+    fn rows_at(&self, _z: i32, rows: [i32; 2]) -> [i32; 2] {
+        rows
+    }
+
+    #[inline(always)]
+    fn spans(&mut self, y: i32, z: i32, _row: usize) -> Spans {
+        let nothing = Floats::splat(f32::NAN);
+        let [along_x, ..] = &self.slabs;
+        let middle_y = Floats::from(y) + Floats::splat(self.middle[1]);
+        let middle_z = Floats::splat(z as f32 + self.middle[2]);
+        let reach = self.hull_half[0] + self.reach;
+        let (mut low, mut high) = (Floats::splat(-reach), Floats::splat(reach));
+        for slab in &self.slabs[1..] {
+            // Against a slope this slight, a row would be cut far away, and rounding errors with it.
+            if slab.normal[0].abs() < 1e-3 {
                 continue;
             }
-            let (a, b) = (
-                (-half - self.reach - offset) / slope,
-                (half + self.reach - offset) / slope,
-            );
-            low = greater(low, lesser(a, b));
-            high = lesser(high, greater(a, b));
+            let per_slope = 1.0 / slab.normal[0];
+            let centre = slab.offset(middle_y, middle_z) * Floats::splat(-per_slope);
+            let reach = Floats::splat((slab.half + self.reach) * per_slope.abs());
+            low = low.greater(centre - reach);
+            high = high.lesser(centre + reach);
         }
-        if high <= low {
-            return None;
+        let hull = outside_yz(middle_y, middle_z, &self.hull_half)
+            .greater(along_x.offset(middle_y, middle_z).abs() - Floats::splat(along_x.half));
+        let middle_x = Floats::splat(-self.middle[0]);
+        let low = middle_x + low;
+        let high = Floats::splat(self.reach).where_below(hull, nothing, middle_x + high);
+        let inside = self.half[0] - self.reach;
+        if self.start == Start::Unknown || inside <= 0.0 {
+            return Spans {
+                first: [low, high],
+                second: [nothing; 2],
+            };
         }
-        let (low, high) = (low - self.middle[0], high - self.middle[0]);
-        let whole = (row, [span_within(low, high), [0, 0]]);
-        let Some(clear) = self.clear else {
-            return Some(whole);
-        };
-        let inside = self.half[0] - clear;
-        if -clear < whole.0.from_yz || inside <= 0.0 {
-            return Some(whole);
+        let from_x = Floats::splat(-self.from[0]);
+        let from_y = Floats::from(y) + Floats::splat(self.from[1]);
+        let from_z = Floats::splat(z as f32 + self.from[2]);
+        // NaN where the row misses what is clear: the first span is then whole, and leaves nothing to the second.
+        let inside = outside_yz(from_y, from_z, &self.half).where_below(
+            Floats::splat(-self.reach),
+            Floats::splat(inside),
+            nothing,
+        );
+        Spans {
+            first: [low, (from_x - inside).lesser(high)],
+            second: [(from_x + inside).greater(low), high],
         }
-        let front = span_within(low, lesser(high, -self.from[0] - inside));
-        let back = span_within(greater(low, inside - self.from[0]), high);
-        Some((whole.0, [front, [back[0].max(front[1]), back[1]]]))
     }
-}
 
-impl Row for BladeRow {
-    #[inline]
-    fn leaves(&self, x: i32) -> [u8; LANES] {
-        let from = places(x, self.from_x);
-        let to = places(x, self.to_x);
-        let middle = places(x, self.middle_x);
-        let [a, b] = self.oblique;
-        left_over(std::array::from_fn(|lane| {
-            let hull = greater(middle[lane].abs() - self.hull_half_x, self.hull_yz);
-            let hull = greater(hull, (a.slope * middle[lane] + a.offset).abs() - a.half);
-            let hull = greater(hull, (b.slope * middle[lane] + b.offset).abs() - b.half);
-            let start = greater(from[lane].abs() - self.half_x, self.from_yz);
-            let end = greater(to[lane].abs() - self.half_x, self.to_yz);
-            lesser(hull, lesser(start, end))
-        }))
+    #[inline(always)]
+    fn leaves(&self, [x, y, z]: [i32; 3], _row: usize) -> Bytes {
+        let way_from = |offset: &[f32; 3]| {
+            (
+                Floats::from(x) + Floats::splat(offset[0]),
+                Floats::splat(y as f32 + offset[1]),
+                Floats::splat(z as f32 + offset[2]),
+            )
+        };
+        let outside = |(x, y, z): (Floats, Floats, Floats), half: &[f32; 3]| {
+            outside_x(x, half).greater(outside_yz(y, z, half))
+        };
+        let middle = way_from(&self.middle);
+        let mut hull = outside(middle, &self.hull_half);
+        for slab in &self.slabs {
+            let along = Floats::splat(slab.normal[0]) * middle.0 + slab.offset(middle.1, middle.2);
+            hull = hull.greater(along.abs() - Floats::splat(slab.half));
+        }
+        let ends = outside(way_from(&self.from), &self.half)
+            .lesser(outside(way_from(&self.to), &self.half));
+        hull.lesser(ends).left_over()
     }
 }

@@ -1,0 +1,176 @@
+//! The operations on arrays: what they mean, and what runs where there is nothing faster.
+
+use std::ops::{Add, Mul, Sub};
+
+use super::{Bytes, LANES, ROUNDER};
+
+/// Four singles.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Floats([f32; LANES]);
+
+/// Four integers.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Ints([i32; LANES]);
+
+impl Floats {
+    pub(crate) fn from_array(lanes: [f32; LANES]) -> Self {
+        Self(lanes)
+    }
+
+    pub(crate) fn to_array(self) -> [f32; LANES] {
+        self.0
+    }
+
+    /// The same number in every lane.
+    pub(crate) fn splat(value: f32) -> Self {
+        Self([value; LANES])
+    }
+
+    /// The lesser of two; `other` where either is NaN.
+    pub(crate) fn lesser(self, other: Self) -> Self {
+        self.with(other, |a, b| if a < b { a } else { b })
+    }
+
+    /// The greater of two; `other` where either is NaN.
+    pub(crate) fn greater(self, other: Self) -> Self {
+        self.with(other, |a, b| if b < a { a } else { b })
+    }
+
+    pub(crate) fn sqrt(self) -> Self {
+        Self(self.0.map(f32::sqrt))
+    }
+
+    pub(crate) fn abs(self) -> Self {
+        Self(self.0.map(f32::abs))
+    }
+
+    /// `inside` where these lie between 0 and 1, neither included; `outside` elsewhere and where they are NaN.
+    pub(crate) fn where_between_0_and_1(self, inside: Self, outside: Self) -> Self {
+        Self(std::array::from_fn(|lane| {
+            let at = self.0[lane];
+            if 0.0 < at && at < 1.0 {
+                inside.0[lane]
+            } else {
+                outside.0[lane]
+            }
+        }))
+    }
+
+    /// `below` where these are less than `bound`, `otherwise` elsewhere and where either is NaN.
+    pub(crate) fn where_below(self, bound: Self, below: Self, otherwise: Self) -> Self {
+        Self(std::array::from_fn(|lane| {
+            if self.0[lane] < bound.0[lane] {
+                below.0[lane]
+            } else {
+                otherwise.0[lane]
+            }
+        }))
+    }
+
+    /// The whole numbers nearest to these, ties to even, kept between two small whole numbers; the lower one for NaN.
+    pub(crate) fn nearest_within(self, [least, most]: [f32; 2]) -> Ints {
+        let kept = self.greater(Self::splat(least)).lesser(Self::splat(most));
+        Ints(
+            kept.0
+                .map(|at| (at + ROUNDER).to_bits() as i32 - ROUNDER.to_bits() as i32),
+        )
+    }
+
+    /// Occupancies left over at these distances outside a solid, in voxels.
+    pub(crate) fn left_over(self) -> Bytes {
+        let half = Self::splat(127.5);
+        let share = half + half * self;
+        let kept = share.greater(Self::splat(0.0)).lesser(Self::splat(255.0));
+        u32::from_le_bytes(kept.0.map(|at| (at + ROUNDER).to_bits() as u8))
+    }
+
+    fn with(self, other: Self, each: impl Fn(f32, f32) -> f32) -> Self {
+        Self(std::array::from_fn(|lane| {
+            each(self.0[lane], other.0[lane])
+        }))
+    }
+}
+
+impl From<i32> for Floats {
+    /// This number and the next ones.
+    fn from(first: i32) -> Self {
+        Self(std::array::from_fn(|lane| (first + lane as i32) as f32))
+    }
+}
+
+impl Add for Floats {
+    type Output = Self;
+    fn add(self, other: Self) -> Self {
+        self.with(other, |a, b| a + b)
+    }
+}
+
+impl Sub for Floats {
+    type Output = Self;
+    fn sub(self, other: Self) -> Self {
+        self.with(other, |a, b| a - b)
+    }
+}
+
+impl Mul for Floats {
+    type Output = Self;
+    fn mul(self, other: Self) -> Self {
+        self.with(other, |a, b| a * b)
+    }
+}
+
+impl Ints {
+    #[cfg(test)]
+    pub(crate) fn from_array(lanes: [i32; LANES]) -> Self {
+        Self(lanes)
+    }
+
+    pub(crate) fn to_array(self) -> [i32; LANES] {
+        self.0
+    }
+
+    pub(crate) fn splat(value: i32) -> Self {
+        Self([value; LANES])
+    }
+
+    /// A fourth, rounded down.
+    pub(crate) fn quartered(self) -> Self {
+        Self(self.0.map(|at| at >> 2))
+    }
+
+    pub(crate) fn greater(self, other: Self) -> Self {
+        Self(std::array::from_fn(|lane| self.0[lane].max(other.0[lane])))
+    }
+
+    pub(crate) fn not_below_0(self) -> Self {
+        Self(self.0.map(|at| at.max(0)))
+    }
+}
+
+impl Add for Ints {
+    type Output = Self;
+    fn add(self, other: Self) -> Self {
+        Self(std::array::from_fn(|lane| {
+            self.0[lane].wrapping_add(other.0[lane])
+        }))
+    }
+}
+
+impl Sub for Ints {
+    type Output = Self;
+    fn sub(self, other: Self) -> Self {
+        Self(std::array::from_fn(|lane| {
+            self.0[lane].wrapping_sub(other.0[lane])
+        }))
+    }
+}
+
+/// The lesser byte of each lane, and by how much they are less than the second in sum.
+pub(crate) fn lesser_bytes(left: Bytes, old: Bytes) -> (Bytes, u32) {
+    let (left, old) = (left.to_le_bytes(), old.to_le_bytes());
+    let new = std::array::from_fn(|lane| left[lane].min(old[lane]));
+    let removed = (0..LANES)
+        .map(|lane| u32::from(old[lane] - new[lane]))
+        .sum();
+    (u32::from_le_bytes(new), removed)
+}
