@@ -1,4 +1,5 @@
 //! Roots of real polynomials by the Ehrlich–Aberth iteration: all at once, a bounded number of sweeps, always an end.
+//! Sources: [E67], [A73] in docs/papers.md.
 //!
 //! Eigenvalues of a companion matrix are the usual way; the QR iteration behind them need not end on inputs as plain
 //! as `s^4 + 1`, whose shifts cycle. Here every sweep moves every root by

@@ -13,7 +13,8 @@ use crate::error::KinematicsError;
 use crate::geometry::{Geometry, require_finite};
 use nalgebra::Vector3;
 
-/// Centres count as in line when the sine between their differences is below this.
+/// Centres count as in line when their triangle has less than this share of the area that the arms can span: rounding
+/// then says where it faces.
 const IN_LINE: f64 = 1e-12;
 /// `l_2²` this far below the circumradius squared is rounding: spheres that touch, not spheres that miss.
 const ROUNDING: f64 = 64.0 * f64::EPSILON;
@@ -30,7 +31,9 @@ impl Geometry {
         let (u, v) = (c2 - c1, c3 - c1);
         let n = u.cross(&v);
         let (u2, v2, n2) = (u.norm_squared(), v.norm_squared(), n.norm_squared());
-        if n2 <= IN_LINE * IN_LINE * u2 * v2 {
+        let span = self.offset_m.abs() + self.upper_m;
+        let least_area = IN_LINE * span * span;
+        if n2 <= least_area * least_area {
             return Err(KinematicsError::ElbowsInLine);
         }
         let to_middle = (v * u2 - u * v2).cross(&n) * (0.5 / n2);

@@ -47,7 +47,7 @@ pub struct WorkspaceMap {
 }
 
 impl Region {
-    /// The most cells of one map. It takes about a second; larger ones are made layer by layer.
+    /// The most cells of one map, which takes well under a second; larger ones are made of several.
     pub const MOST_CELLS: usize = 1_000_000;
 
     /// A box from `low_m` to `high_m` with this many cells along x, y and z.

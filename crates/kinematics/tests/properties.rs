@@ -158,6 +158,10 @@ proptest! {
         prop_assert!((posture.rates_rad_s(&velocity).unwrap() - rates).norm() < 1e-8 * (1.0 + rates.norm()));
         let jacobian = posture.jacobian().unwrap();
         prop_assert!((jacobian.transpose() * force - torques).norm() < 1e-9 * (1.0 + torques.norm()));
+        // The condition number by its definition: how much the longest image of a unit vector exceeds the shortest.
+        let squares = (jacobian.transpose() * jacobian).symmetric_eigenvalues();
+        let condition = posture.condition_number().unwrap();
+        prop_assert!(1.0 <= condition && ((squares.max() / squares.min()).sqrt() / condition - 1.0).abs() < 1e-3);
         let residual = posture.b_r() * rates - posture.k_r() * velocity;
         prop_assert!(residual.norm() < 1e-12 * (1.0 + rates.norm()));
     }
@@ -339,6 +343,36 @@ fn singularities_are_told_apart() {
         Err(KinematicsError::Singular(Singularity::Both { .. }))
     ));
     assert!(posture.condition_number().is_err());
+}
+
+/// With `r_b - r_p < l_1` all arms can fold inwards until their sphere centres meet on the robot's axis, at the heights
+/// +-0.06 m of the default robot. The platform then swings freely on a sphere of radius `l_2` about that point.
+#[test]
+fn arms_folded_into_one_point_free_the_platform() {
+    let geometry = Geometry::default();
+    let folded = Vector3::repeat((-0.08_f64 / 0.10).acos());
+    assert_eq!(
+        geometry.forward(&folded),
+        Err(KinematicsError::ElbowsInLine)
+    );
+    for (tilt, turn) in [(0.0, 0.0), (0.4, 1.0), (1.1, 4.0)] {
+        let (tilt, turn): (f64, f64) = (tilt, turn);
+        let swing =
+            Vector3::new(tilt.sin() * turn.cos(), tilt.sin() * turn.sin(), tilt.cos()) * 0.20;
+        let position = swing + Vector3::new(0.0, 0.0, 0.06);
+        let solutions = geometry.inverse(&position).unwrap();
+        let branch = solutions
+            .iter()
+            .find(|s| (s.joints_rad - folded).norm() < 1e-7)
+            .unwrap()
+            .branch;
+        let posture = geometry.posture(&position, branch).unwrap();
+        assert!(posture.parallel_measure() < 1e-12);
+        assert_eq!(
+            posture.jacobian(),
+            Err(KinematicsError::Singular(Singularity::Parallel))
+        );
+    }
 }
 
 #[test]
