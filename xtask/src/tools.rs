@@ -1,13 +1,20 @@
 //! The tools that must be there before work starts, and what to do when one is not.
 
 use std::fmt;
+use std::path::Path;
 use std::process::{Command, Stdio};
 
 use anyhow::{Context, Result, bail};
 use serde::Deserialize;
 
-use crate::process::command;
+use crate::process::{Interrupt, command, run};
 use crate::workspace::root;
+
+/// The target of a browser.
+pub(crate) const WASM: &str = "wasm32-unknown-unknown";
+
+/// Where the browser test looks for Debian's package.
+const CHROMIUM: &str = "/usr/bin/chromium";
 
 /// A version of up to three numbers; what is left out is 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -66,6 +73,44 @@ pub(crate) fn wanted_node() -> Result<Version> {
         .with_context(|| format!("{} names no engines.node", path.display()))?;
     Version::parse(&manifest.engines.node)
         .with_context(|| format!("{}: engines.node is no version", path.display()))
+}
+
+/// Adds the Rust target that the pure crates are checked for.
+pub(crate) fn install_wasm_target(interrupt: &Interrupt) -> Result<()> {
+    let libraries = answer(command("rustc").args(["--print", "target-libdir", "--target", WASM]))
+        .with_context(|| format!("this rustc does not know {WASM}"))?;
+    if Path::new(&libraries).exists() {
+        return Ok(());
+    }
+    run(command("rustup").args(["target", "add", WASM]), interrupt)
+        .with_context(|| format!("the Rust target {WASM} is missing and rustup could not add it"))
+}
+
+/// Installs the browser that the dashboard is tested in, where that is ours to do.
+pub(crate) fn install_chromium(interrupt: &Interrupt) -> Result<()> {
+    if Path::new(CHROMIUM).exists() {
+        return Ok(());
+    }
+    let is_root = answer(command("id").arg("-u")).as_deref() == Some("0");
+    if !is_root || answer(command("apt-get").arg("--version")).is_none() {
+        bail!("{CHROMIUM} is missing: on Debian or Ubuntu, apt-get install chromium as root");
+    }
+    run(command("apt-get").args(["update", "--quiet"]), interrupt)?;
+    let arguments = [
+        "install",
+        "--yes",
+        "--quiet",
+        "--no-install-recommends",
+        "chromium",
+        // Without a font the page has no words to look at, and Debian only recommends one.
+        "fonts-liberation",
+    ];
+    run(
+        command("apt-get")
+            .args(arguments)
+            .env("DEBIAN_FRONTEND", "noninteractive"),
+        interrupt,
+    )
 }
 
 /// What a command prints, when it can be started and succeeds.

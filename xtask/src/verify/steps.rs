@@ -1,13 +1,12 @@
 //! The steps of `cargo verify`.
 
-use std::path::Path;
 use std::process::Command;
 
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Result, ensure};
 
 use super::{citations, compose, image, links};
 use crate::process::{Interrupt, command, run};
-use crate::tools::{answer, require_node};
+use crate::tools::{WASM, answer, install_chromium, install_wasm_target, require_node};
 use crate::workspace::{Workspace, cargo, root};
 use crate::{dashboard, demo, release};
 
@@ -94,11 +93,6 @@ pub(super) const STEPS: [Step; 14] = [
         run: tidy,
     },
 ];
-
-const WASM: &str = "wasm32-unknown-unknown";
-
-/// Where the browser test looks for Debian's package.
-const CHROMIUM: &str = "/usr/bin/chromium";
 
 fn tools(workspace: &Workspace, interrupt: &Interrupt) -> Result<()> {
     require_node()?;
@@ -265,40 +259,4 @@ fn report(what: &str, wrong: Vec<String>) -> Result<()> {
     }
     ensure!(wrong.is_empty(), "{} {what}", wrong.len());
     Ok(())
-}
-
-fn install_wasm_target(interrupt: &Interrupt) -> Result<()> {
-    let libraries = answer(command("rustc").args(["--print", "target-libdir", "--target", WASM]))
-        .with_context(|| format!("this rustc does not know {WASM}"))?;
-    if Path::new(&libraries).exists() {
-        return Ok(());
-    }
-    run(command("rustup").args(["target", "add", WASM]), interrupt)
-        .with_context(|| format!("the Rust target {WASM} is missing and rustup could not add it"))
-}
-
-fn install_chromium(interrupt: &Interrupt) -> Result<()> {
-    if Path::new(CHROMIUM).exists() {
-        return Ok(());
-    }
-    let is_root = answer(command("id").arg("-u")).as_deref() == Some("0");
-    if !is_root || answer(command("apt-get").arg("--version")).is_none() {
-        bail!("{CHROMIUM} is missing: on Debian or Ubuntu, apt-get install chromium as root");
-    }
-    run(command("apt-get").args(["update", "--quiet"]), interrupt)?;
-    let arguments = [
-        "install",
-        "--yes",
-        "--quiet",
-        "--no-install-recommends",
-        "chromium",
-        // Without a font the page has no words to look at, and Debian only recommends one.
-        "fonts-liberation",
-    ];
-    run(
-        command("apt-get")
-            .args(arguments)
-            .env("DEBIAN_FRONTEND", "noninteractive"),
-        interrupt,
-    )
 }
