@@ -215,7 +215,7 @@ fn curves_are_dense_where_they_bend() {
     }
 }
 
-/// One integrator: the phase begins a quarter turn behind, and ends three quarters behind after poles and zeros.
+/// One integrator: the phase begins a quarter turn behind, and ends half a turn behind.
 #[test]
 fn phase_begins_where_the_integrators_put_it() {
     let curve = input(20.0, 0.0).closed_loop().unwrap().curve(&[]).unwrap();
