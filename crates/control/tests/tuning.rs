@@ -1,4 +1,4 @@
-//! The tuning helper: what it proposes holds, nothing lighter of its shape would, and a refusal names its reason.
+//! Tuning: what it proposes holds, nothing lighter of its shape would, and a refusal names its reason.
 
 use std::f64::consts::TAU;
 use teleclay_control::tuning::{Obstacle, TuningError, Wish, propose};
