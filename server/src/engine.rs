@@ -49,6 +49,8 @@ const BRICKS_AT_ONCE: usize = 4;
 /// A frame on its way from Zenoh to the tick.
 pub(crate) struct Incoming {
     pub(crate) place: usize,
+    /// When it came, on the server's clock, ns: the wait for the tick is not the network's.
+    pub(crate) arrived_ns: u64,
     pub(crate) frame: HandleFrame,
 }
 
@@ -278,9 +280,10 @@ impl Engine {
         let mut overflowed = 0;
         for running in &mut self.running {
             while let Ok(incoming) = running.frames.pop() {
+                let arrived = Timestamp::from_nanos(incoming.arrived_ns).min(now);
                 running
                     .session
-                    .on_frame(now, incoming.place, incoming.frame);
+                    .on_frame(arrived, incoming.place, incoming.frame);
             }
             let (outgoing, session, frames_sent) =
                 (&mut self.outgoing, running.number, &mut running.frames_sent);

@@ -21,6 +21,7 @@ use teleclay_proto::watch::{
     BRICK_VOXELS, BrickContent, BricksHeader, BricksWriter, MAX_MESSAGE, Picture,
 };
 use teleclay_proto::{NodeName, SessionId};
+use teleclay_shell::Clock;
 use teleclay_shell::network::{CONTROL_QOS, Endpoints, NetworkError, open};
 use zenoh::Session;
 use zenoh::Wait;
@@ -85,6 +86,7 @@ impl Network {
         slow_endpoint: &str,
         directory: &Directory,
         sender: Sender,
+        clock: Clock,
     ) -> Result<Self, NetworkError> {
         let listen = |endpoint: &str| Endpoints {
             listen: vec![endpoint.to_owned()],
@@ -97,7 +99,7 @@ impl Network {
             reason: reason.to_string(),
         };
 
-        receive_frames(&control, node, directory.clone())
+        receive_frames(&control, node, directory.clone(), clock)
             .await
             .map_err(failed)?;
         for session in [&control, &slow] {
@@ -209,10 +211,12 @@ async fn receive_frames(
     session: &Session,
     node: &NodeName,
     directory: Directory,
+    clock: Clock,
 ) -> Result<(), zenoh::Error> {
     let routes: Mutex<HashMap<String, Route>> = Mutex::new(HashMap::new());
     let broken = std::sync::atomic::AtomicU64::new(0);
     let callback = move |sample: zenoh::sample::Sample| {
+        let arrived_ns = clock.now_ns();
         let payload = sample.payload().to_bytes();
         let frame = match HandleFrame::decode(&payload) {
             Ok(frame) => frame,
@@ -238,10 +242,11 @@ async fn receive_frames(
         }
         drop(routes);
         // A full ring means that the tick has stalled for a quarter of a second: what is newest is then as old as the rest.
-        let _ = ring
-            .lock()
-            .expect("no holder panics")
-            .push(Incoming { place, frame });
+        let _ = ring.lock().expect("no holder panics").push(Incoming {
+            place,
+            arrived_ns,
+            frame,
+        });
     };
     session
         .declare_subscriber(format!("teleclay/{node}/session/*/tool/*/up"))

@@ -58,7 +58,8 @@ impl Server {
         })?;
         let address = listener.local_addr()?;
 
-        let (engine, ends) = Engine::new(Clock::start());
+        let clock = Clock::start();
+        let (engine, ends) = Engine::new(clock);
         let loop_stats = Arc::new(Mutex::new(LoopStats::default()));
         let (notices, notices_out) = mpsc::channel();
         let (findings_in, mut findings_out) = tokio::sync::mpsc::unbounded_channel();
@@ -107,6 +108,7 @@ impl Server {
             &settings.zenoh_slow,
             &directory,
             sender,
+            clock,
         )
         .await?;
         tracing::info!(

@@ -80,8 +80,8 @@ impl SessionLoop {
             let Some(side) = place.side.as_mut() else {
                 continue;
             };
-            while let Some(frame) = place.up.poll(now) {
-                side.on_frame(now, &frame);
+            while let Some((arrived, frame)) = place.up.poll_with_arrival(now) {
+                side.on_frame(arrived, &frame);
             }
             let permission = match (self.fault, self.is_paused) {
                 (Some(_), _) => Permission::Fault,

@@ -189,9 +189,15 @@ impl<T: Clone> Conditioner<T> {
 
     /// The next message due by `now`, earliest first; call until `None`.
     pub fn poll(&mut self, now: Timestamp) -> Option<T> {
+        self.poll_with_arrival(now).map(|(_, message)| message)
+    }
+
+    /// As [`poll`](Self::poll), with the instant at which the message fell due: whoever polls once a tick can tell the line's
+    /// delay from its own.
+    pub fn poll_with_arrival(&mut self, now: Timestamp) -> Option<(Timestamp, T)> {
         if self.in_flight.peek()?.release <= now {
             self.fates.delivered += 1;
-            return self.in_flight.pop().map(|due| due.message);
+            return self.in_flight.pop().map(|due| (due.release, due.message));
         }
         None
     }
