@@ -19,7 +19,7 @@ mod blade;
 
 use crate::changes::Changes;
 use crate::field::{Brick, Field, SOLID};
-use crate::grid::{BRICK_EDGE, Grid};
+use crate::grid::{BRICK_EDGE, MAX_AXIS_VOXELS};
 use crate::lanes::{Bytes, Floats, Ints, LANES, lesser_bytes};
 use crate::pose::STEPS_PER_METRE;
 use crate::sweep::Sweep;
@@ -38,6 +38,11 @@ const SINGLE_ERROR: f64 = 1e-6;
 const EDGE: i32 = BRICK_EDGE as i32;
 /// Groups of lanes in a row of a brick.
 const BRICK_GROUPS: usize = BRICK_EDGE / LANES;
+/// Rows of voxels in a brick.
+const ROWS: usize = BRICK_EDGE * BRICK_EDGE;
+/// Most groups of lanes and most bricks along x.
+const MOST_GROUPS: usize = MAX_AXIS_VOXELS / LANES;
+const MOST_BRICKS: usize = MAX_AXIS_VOXELS / BRICK_EDGE;
 
 /// What is known about the clay before a sweep.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -53,7 +58,8 @@ pub(crate) enum Start {
 pub(crate) struct Scratch {
     work: WorkList,
     /// The bricks along x that the rows at hand run through.
-    along: Vec<Column>,
+    along: [Column; MOST_BRICKS],
+    tables: Tables,
 }
 
 /// A brick in the row of bricks at hand.
@@ -63,18 +69,30 @@ struct Column {
     removed: u32,
 }
 
+/// What a solid found out about rows and columns of groups, so as not to find it out again for each group.
+#[derive(Clone, Debug)]
+struct Tables {
+    rows: Box<[[f32; ROWS]; 2]>,
+    columns: Box<[[f32; LANES]; MOST_GROUPS]>,
+    column_bounds: Box<[f32; MOST_GROUPS]>,
+}
+
 impl Scratch {
-    pub(crate) fn new(grid: &Grid) -> Self {
-        let bricks = usize::from(grid.bricks()[0]);
+    pub(crate) fn new() -> Self {
         Self {
-            work: WorkList::new(bricks),
-            along: vec![
-                Column {
-                    brick: Brick::Empty,
-                    removed: 0
-                };
-                bricks
-            ],
+            work: WorkList {
+                groups: vec![0; ROWS * MOST_GROUPS + WorkList::BATCH].into(),
+                len: 0,
+            },
+            along: [Column {
+                brick: Brick::Empty,
+                removed: 0,
+            }; MOST_BRICKS],
+            tables: Tables {
+                rows: Box::new([[0.0; ROWS]; 2]),
+                columns: Box::new([[0.0; LANES]; MOST_GROUPS]),
+                column_bounds: Box::new([0.0; MOST_GROUPS]),
+            },
         }
     }
 }
@@ -89,17 +107,14 @@ pub(crate) fn carve(
 ) -> u64 {
     let way = Way::new(sweep, field.grid().voxel_size_m());
     match &sweep.shape {
-        ToolShape::Ball(ball) => carve_solid(
-            field,
-            changes,
-            scratch,
-            &mut BallSweep::new(ball, &way, start),
-        ),
+        ToolShape::Ball(ball) => {
+            carve_solid(field, changes, scratch, &BallSweep::new(ball, &way, start))
+        }
         ToolShape::Blade(blade) => carve_solid(
             field,
             changes,
             scratch,
-            &mut BladeSweep::new(blade, &way, start),
+            &BladeSweep::new(blade, &way, start),
         ),
     }
 }
@@ -171,11 +186,14 @@ trait Solid {
     /// Narrows the rows that can be affected at `z`, from the first up to but not including the last.
     fn rows_at(&self, z: i32, rows: [i32; 2]) -> [i32; 2];
 
-    /// Which voxels may change in the rows `y` to `y + LANES` at `z`. What else it finds out about the rows it may keep in its table.
-    fn spans(&mut self, y: i32, z: i32, row: usize) -> Spans;
+    /// Finds out what is the same for all rows about these columns of groups.
+    fn prepare(&self, tables: &mut Tables, groups: [i32; 2]);
+
+    /// Which voxels may change in the rows `y` to `y + LANES` at `z`, of which the first has this number in its bricks.
+    fn spans(&self, tables: &mut Tables, y: i32, z: i32, row: usize) -> Spans;
 
     /// What is left over in the voxels `x` to `x + LANES` of a row.
-    fn leaves(&self, voxel: [i32; 3], row: usize) -> Bytes;
+    fn leaves(&self, tables: &Tables, voxel: [i32; 3], row: usize) -> Bytes;
 }
 
 /// Two spans along x in each of several rows, as places: all voxels between them, and some about them, may be looked at. A span with a
@@ -189,7 +207,7 @@ struct Spans {
 #[derive(Clone, Debug)]
 struct WorkList {
     /// Row in the brick (16 z + y) times 256, plus the group's number along x.
-    groups: Vec<u16>,
+    groups: Box<[u16]>,
     len: usize,
 }
 
@@ -197,22 +215,17 @@ impl WorkList {
     /// Groups are written in batches of this many, counted or not.
     const BATCH: usize = 4;
 
-    fn new(bricks_x: usize) -> Self {
-        let most = BRICK_EDGE * BRICK_EDGE * (bricks_x * BRICK_GROUPS);
-        Self {
-            groups: vec![0; most + Self::BATCH],
-            len: 0,
-        }
-    }
-
-    /// Adds groups of several rows, the first of them `row`.
+    /// Adds groups of several rows, the first of them `row`, each from `start` up to but not including `end`.
     #[inline(always)]
-    fn push(&mut self, row: usize, first: Ints, count: Ints) {
-        let (first, count) = (first.to_array(), count.to_array());
+    fn push(&mut self, row: usize, start: Ints, end: Ints) {
+        let counts = (end - start).not_below_0();
+        if !counts.any_above_0() {
+            return;
+        }
+        let numbers = start + Ints::stepping((row << 8) as i32, 1 << 8);
         let mut len = self.len;
-        for lane in 0..LANES {
-            let next = ((row + lane) << 8) as u64 + first[lane] as u64;
-            let count = count[lane] as usize;
+        for packed in (numbers + counts.in_upper_half()).to_array() {
+            let (next, count) = (packed as u32 & 0xFFFF, (packed as u32 >> 16) as usize);
             self.write(len, next);
             if Self::BATCH < count {
                 self.write_long(len, next, count);
@@ -225,9 +238,9 @@ impl WorkList {
     /// Writes a batch of groups from `next` on. Most spans are shorter than a batch: writing one whole costs less than a branch
     /// that cannot be foreseen.
     #[inline(always)]
-    fn write(&mut self, at: usize, next: u64) {
+    fn write(&mut self, at: usize, next: u32) {
         // What overflows from one number into the next does so past the last group that counts.
-        let batch = next
+        let batch = u64::from(next)
             .wrapping_mul(0x0001_0001_0001_0001)
             .wrapping_add(0x0003_0002_0001_0000);
         let numbers = [
@@ -240,9 +253,9 @@ impl WorkList {
     }
 
     #[cold]
-    fn write_long(&mut self, at: usize, next: u64, count: usize) {
+    fn write_long(&mut self, at: usize, next: u32, count: usize) {
         for done in (0..count).step_by(Self::BATCH) {
-            self.write(at + done, next + done as u64);
+            self.write(at + done, next + done as u32);
         }
     }
 }
@@ -251,7 +264,7 @@ fn carve_solid<S: Solid>(
     field: &mut Field,
     changes: &mut Changes,
     scratch: &mut Scratch,
-    solid: &mut S,
+    solid: &S,
 ) -> u64 {
     let voxels = field.grid().voxels().map(i32::from);
     let bounds = solid.bounds();
@@ -263,6 +276,9 @@ fn carve_solid<S: Solid>(
     let [bricks_x, bricks_y, _] = field.grid().bricks().map(usize::from);
     let revision = changes.upcoming();
     let before = field.total();
+    // Groups that exist: a span may reach past the grid.
+    let groups = [xs[0] / LANES as i32, (xs[1] - 1) / LANES as i32 + 1];
+    solid.prepare(&mut scratch.tables, groups);
     let bricks_along = |[start, end]: [i32; 2]| start / EDGE..(end - 1) / EDGE + 1;
     for brick_z in bricks_along(zs) {
         for brick_y in bricks_along(ys) {
@@ -281,8 +297,8 @@ fn carve_solid<S: Solid>(
                 [start.max(corner) - corner, end.min(corner + EDGE) - corner]
             };
             let rows = [within(ys, corner[0]), within(zs, corner[1])];
-            list_work(&mut scratch.work, solid, corner, rows, xs);
-            carve_groups(field, scratch, &*solid, corner, first);
+            list_work(scratch, solid, corner, rows, groups);
+            carve_groups(field, scratch, solid, corner, first);
             for brick_x in bricks_along(xs) {
                 let removed = scratch.along[brick_x as usize].removed;
                 if 0 < removed {
@@ -298,15 +314,14 @@ fn carve_solid<S: Solid>(
 /// Lists the groups of voxels that may change, within a range of the rows of bricks at a corner.
 #[inline(always)]
 fn list_work<S: Solid>(
-    work: &mut WorkList,
-    solid: &mut S,
+    scratch: &mut Scratch,
+    solid: &S,
     corner: [i32; 2],
     [ys, zs]: [[i32; 2]; 2],
-    xs: [i32; 2],
+    groups: [i32; 2],
 ) {
+    let Scratch { work, tables, .. } = scratch;
     work.len = 0;
-    // Groups that exist: a span may reach past the grid.
-    let groups = [xs[0] / LANES as i32, (xs[1] - 1) / LANES as i32 + 1];
     for z in zs[0]..zs[1] {
         let [start, end] = solid
             .rows_at(corner[1] + z, ys.map(|y| corner[0] + y))
@@ -315,14 +330,12 @@ fn list_work<S: Solid>(
         let mut y = start & -(LANES as i32);
         while y < end {
             let row = (z * EDGE + y) as usize;
-            let spans = solid.spans(corner[0] + y, corner[1] + z, row);
-            let first_start = group_from(spans.first[0], groups);
+            let spans = solid.spans(tables, corner[0] + y, corner[1] + z, row);
             let first_end = group_to(spans.first[1], groups);
-            work.push(row, first_start, (first_end - first_start).not_below_0());
+            work.push(row, group_from(spans.first[0], groups), first_end);
             // A group in both spans is done already.
-            let second_start = group_from(spans.second[0], groups).greater(first_end);
-            let second_end = group_to(spans.second[1], groups);
-            work.push(row, second_start, (second_end - second_start).not_below_0());
+            let start = group_from(spans.second[0], groups).greater(first_end);
+            work.push(row, start, group_to(spans.second[1], groups));
             y += LANES as i32;
         }
     }
@@ -342,9 +355,10 @@ fn group_from(low: Floats, [least, most]: [i32; 2]) -> Ints {
 /// The groups after those that hold the last voxels at or below these places along rows, kept between two groups.
 #[inline(always)]
 fn group_to(high: Floats, [least, most]: [i32; 2]) -> Ints {
-    let bounds = [least, most].map(|group| (group * LANES as i32 - 1) as f32);
-    let last = (high - Floats::splat(0.5)).nearest_within(bounds);
-    (last + Ints::splat(LANES as i32)).quartered()
+    let bounds = [least, most].map(|group| (group * LANES as i32 + LANES as i32 - 1) as f32);
+    (high + Floats::splat(LANES as f32 - 0.5))
+        .nearest_within(bounds)
+        .quartered()
 }
 
 /// Cuts the listed groups and counts what was removed from each brick.
@@ -357,15 +371,23 @@ fn carve_groups<S: Solid>(
     first_brick: usize,
 ) {
     const ALL_SOLID: Bytes = Bytes::from_le_bytes([SOLID; LANES]);
-    let Scratch { work, along } = scratch;
+    let Scratch {
+        work,
+        along,
+        tables,
+    } = scratch;
     for &item in &work.groups[..work.len] {
         let (row, group) = (usize::from(item >> 8), usize::from(item & 0xFF));
-        let column = &mut along[group / BRICK_GROUPS];
+        let column = &mut along[group / BRICK_GROUPS % MOST_BRICKS];
         if column.brick == Brick::Empty {
             continue;
         }
         let (y, z) = ((row % BRICK_EDGE) as i32, (row / BRICK_EDGE) as i32);
-        let left = solid.leaves([(group * LANES) as i32, corner[0] + y, corner[1] + z], row);
+        let left = solid.leaves(
+            tables,
+            [(group * LANES) as i32, corner[0] + y, corner[1] + z],
+            row,
+        );
         let slot = match column.brick {
             Brick::Slot(slot) => slot,
             _ if left == ALL_SOLID => continue,
@@ -381,4 +403,11 @@ fn carve_groups<S: Solid>(
         *cells = new.to_le_bytes();
         column.removed += removed;
     }
+}
+
+/// What is left over of voxels at these distances outside a solid, in voxels.
+#[inline(always)]
+fn left_over(distance: Floats) -> Bytes {
+    let half = Floats::splat(127.5);
+    (half + half * distance).to_bytes()
 }

@@ -85,7 +85,7 @@ impl Clay {
             changes: Changes::none(bricks),
             hashes,
             cleared: Cleared::default(),
-            scratch: Scratch::new(&grid),
+            scratch: Scratch::new(),
         })
     }
 

@@ -1,7 +1,7 @@
 //! A ball swept along a straight way: a capsule.
 
-use super::{RAMP, SLACK, Solid, Spans, Start, Way};
-use crate::grid::BRICK_EDGE;
+use super::left_over;
+use super::{MOST_GROUPS, RAMP, ROWS, SLACK, Solid, Spans, Start, Tables, Way};
 use crate::lanes::{Bytes, Floats, LANES};
 use crate::tool::Ball;
 
@@ -32,22 +32,13 @@ pub(super) struct BallSweep {
     per_along_x: f32,
     /// Most that the way along x adds to the place along the step, where it is not divided by.
     most_along_x: f32,
+    /// Most that the ways along x and y add.
+    most_along_xy: f32,
     /// Place along the step, in squared voxels, past which only the end matters.
     end_only_from: f32,
-    rows: RowTable,
     way_from: [f64; 3],
     way_step: [f64; 3],
     bounds: [[i32; 2]; 3],
-}
-
-const ROWS: usize = BRICK_EDGE * BRICK_EDGE;
-
-/// What was found out about the rows of the bricks at hand.
-struct RowTable {
-    /// Place along the step, in squared voxels, less what x adds.
-    ahead: [f32; ROWS],
-    /// Squared distance from the end, less what x adds.
-    to_squared: [f32; ROWS],
 }
 
 impl BallSweep {
@@ -80,15 +71,12 @@ impl BallSweep {
             clear_squared: (start == Start::Clear).then_some((clear * clear) as f32),
             along_slack: along_slack as f32,
             end_only_from: (length_squared + along_slack) as f32,
-            rows: RowTable {
-                ahead: [0.0; ROWS],
-                to_squared: [0.0; ROWS],
-            },
             per_along_x: if divisible {
                 (1.0 / step[0]) as f32
             } else {
                 0.0
             },
+            most_along_xy: ((step[0].abs() + step[1].abs()) * size) as f32,
             most_along_x: if divisible {
                 0.0
             } else {
@@ -179,6 +167,12 @@ impl Solid for BallSweep {
 
     #[inline(always)]
     fn rows_at(&self, z: i32, [start, end]: [i32; 2]) -> [i32; 2] {
+        if self.clear_squared.is_some() {
+            let ahead = self.step[2] * (z as f32 + self.from[2]);
+            if ahead + self.along_slack + self.most_along_xy < 0.0 {
+                return [start, start];
+            }
+        }
         let Some(reach_squared) = self.short_reach_squared else {
             return [start, end];
         };
@@ -189,8 +183,19 @@ impl Solid for BallSweep {
         [start.max(low as i32), end.min(high as i32 + 1)]
     }
 
+    fn prepare(&self, tables: &mut Tables, [start, end]: [i32; 2]) {
+        for group in start..end {
+            let first = group * LANES as i32;
+            let last = first + LANES as i32 - 1;
+            let to_x = Floats::from(first) + Floats::splat(self.to[0]);
+            (to_x * to_x).store(&mut tables.columns[group as usize]);
+            let [first, last] = [first, last].map(|x| self.step[0] * (x as f32 + self.from[0]));
+            tables.column_bounds[group as usize] = if first < last { first } else { last };
+        }
+    }
+
     #[inline(always)]
-    fn spans(&mut self, y: i32, z: i32, row: usize) -> Spans {
+    fn spans(&self, tables: &mut Tables, y: i32, z: i32, row: usize) -> Spans {
         let [mut low, mut high] = self.outer(y, z);
         let [_, along_y, along_z] = self.step;
         let from_y = Floats::from(y) + Floats::splat(self.from[1]);
@@ -199,8 +204,9 @@ impl Solid for BallSweep {
         let to_z = z as f32 + self.to[2];
         let ahead = from_y * Floats::splat(along_y) + Floats::splat(from_z * along_z);
         let to_squared = to_y * to_y + Floats::splat(to_z * to_z);
-        self.rows.ahead.as_chunks_mut().0[row / LANES] = ahead.to_array();
-        self.rows.to_squared.as_chunks_mut().0[row / LANES] = to_squared.to_array();
+        let [row_ahead, row_squared] = &mut *tables.rows;
+        ahead.store(&mut row_ahead.as_chunks_mut().0[row / LANES]);
+        to_squared.store(&mut row_squared.as_chunks_mut().0[row / LANES]);
         let Some(clear_squared) = self.clear_squared else {
             return Spans {
                 first: [low, high],
@@ -228,45 +234,39 @@ impl Solid for BallSweep {
     }
 
     #[inline(always)]
-    fn leaves(&self, voxel: [i32; 3], row: usize) -> Bytes {
-        let [x, ..] = voxel;
-        let [along_x, ..] = self.step;
-        let (first, last) = (
-            x as f32 + self.from[0],
-            (x + LANES as i32 - 1) as f32 + self.from[0],
-        );
-        let (first, last) = (along_x * first, along_x * last);
-        let least = if first < last { first } else { last };
-        if least + self.rows.ahead[row] < self.end_only_from {
-            return self.leaves_anywhere(voxel);
+    fn leaves(&self, tables: &Tables, voxel: [i32; 3], row: usize) -> Bytes {
+        let group = voxel[0] as usize / LANES % MOST_GROUPS;
+        let [row_ahead, row_squared] = &*tables.rows;
+        let (ahead, squared) = (row_ahead[row % ROWS], row_squared[row % ROWS]);
+        let to_squared = Floats::load(&tables.columns[group]) + Floats::splat(squared);
+        // Past the end, by enough that rounding cannot say otherwise, the end is the nearest point of the way.
+        if self.end_only_from <= tables.column_bounds[group] + ahead {
+            return self.left_over(to_squared);
         }
-        let to_x = Floats::from(x) + Floats::splat(self.to[0]);
-        let squared = to_x * to_x + Floats::splat(self.rows.to_squared[row]);
-        (squared.sqrt() - Floats::splat(self.radius)).left_over()
+        self.left_over(self.nearest(voxel, ahead).lesser(to_squared))
     }
 }
 
 impl BallSweep {
-    /// What is left over wherever the voxels are. Past the end, by [`BallSweep::end_only_from`], it is what the end alone leaves over, rounding
-    /// and all.
-    fn leaves_anywhere(&self, [x, y, z]: [i32; 3]) -> Bytes {
-        let [along_x, along_y, along_z] = self.step;
+    /// Squared distance from the nearest point of the way; from its end too, but for rounding.
+    #[inline(always)]
+    fn nearest(&self, [x, y, z]: [i32; 3], ahead: f32) -> Floats {
         let from_x = Floats::from(x) + Floats::splat(self.from[0]);
         let (from_y, from_z) = (y as f32 + self.from[1], z as f32 + self.from[2]);
-        let to_x = Floats::from(x) + Floats::splat(self.to[0]);
-        let (to_y, to_z) = (y as f32 + self.to[1], z as f32 + self.to[2]);
-        let from_squared = from_x * from_x + Floats::splat(from_y * from_y + from_z * from_z);
-        let to_squared = to_x * to_x + Floats::splat(to_y * to_y + to_z * to_z);
-        let ends = from_squared.lesser(to_squared);
+        let [along_x, along_y, along_z] = self.step;
+        let along = from_x * Floats::splat(along_x) + Floats::splat(ahead);
+        // Before the start this is the start itself, without rounding.
+        let share = along * Floats::splat(self.per_step_squared);
+        let share = share.greater(Floats::splat(0.0)).lesser(Floats::splat(1.0));
+        let x = from_x - share * Floats::splat(along_x);
+        let y = Floats::splat(from_y) - share * Floats::splat(along_y);
+        let z = Floats::splat(from_z) - share * Floats::splat(along_z);
+        x * x + (y * y + z * z)
+    }
 
-        let along = (from_x * Floats::splat(along_x)
-            + Floats::splat(from_y * along_y + from_z * along_z))
-            * Floats::splat(self.per_step_squared);
-        let across_x = from_x - along * Floats::splat(along_x);
-        let across_y = Floats::splat(from_y) - along * Floats::splat(along_y);
-        let across_z = Floats::splat(from_z) - along * Floats::splat(along_z);
-        let side = across_x * across_x + across_y * across_y + across_z * across_z;
-        let nearest = along.where_between_0_and_1(side, ends).lesser(ends);
-        (nearest.sqrt() - Floats::splat(self.radius)).left_over()
+    /// What is left over at these squared distances from the way.
+    #[inline(always)]
+    fn left_over(&self, squared: Floats) -> Bytes {
+        left_over(squared.sqrt() - Floats::splat(self.radius))
     }
 }

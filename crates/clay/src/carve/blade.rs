@@ -4,7 +4,7 @@
 //! that contain an edge direction and `m`: three normals `e x m`, one for each axis `e`. The distance outside is the greatest of the
 //! distances outside the slabs between opposite planes.
 
-use super::{RAMP, SLACK, Solid, Spans, Start, Way};
+use super::{RAMP, SLACK, Solid, Spans, Start, Tables, Way, left_over};
 use crate::lanes::{Bytes, Floats};
 use crate::tool::{Blade, ToolShape};
 
@@ -105,8 +105,10 @@ impl Solid for BladeSweep {
         rows
     }
 
+    fn prepare(&self, _tables: &mut Tables, _groups: [i32; 2]) {}
+
     #[inline(always)]
-    fn spans(&mut self, y: i32, z: i32, _row: usize) -> Spans {
+    fn spans(&self, _tables: &mut Tables, y: i32, z: i32, _row: usize) -> Spans {
         let nothing = Floats::splat(f32::NAN);
         let [along_x, ..] = &self.slabs;
         let middle_y = Floats::from(y) + Floats::splat(self.middle[1]);
@@ -152,7 +154,7 @@ impl Solid for BladeSweep {
     }
 
     #[inline(always)]
-    fn leaves(&self, [x, y, z]: [i32; 3], _row: usize) -> Bytes {
+    fn leaves(&self, _tables: &Tables, [x, y, z]: [i32; 3], _row: usize) -> Bytes {
         let way_from = |offset: &[f32; 3]| {
             (
                 Floats::from(x) + Floats::splat(offset[0]),
@@ -171,6 +173,6 @@ impl Solid for BladeSweep {
         }
         let ends = outside(way_from(&self.from), &self.half)
             .lesser(outside(way_from(&self.to), &self.half));
-        hull.lesser(ends).left_over()
+        left_over(hull.lesser(ends))
     }
 }

@@ -2,7 +2,7 @@
 
 use std::ops::{Add, Mul, Sub};
 
-use super::{Bytes, LANES, ROUNDER};
+use super::{Bytes, LANES};
 
 /// Four singles.
 #[derive(Clone, Copy, Debug)]
@@ -19,6 +19,14 @@ impl Floats {
 
     pub(crate) fn to_array(self) -> [f32; LANES] {
         self.0
+    }
+
+    pub(crate) fn load(lanes: &[f32; LANES]) -> Self {
+        Self(*lanes)
+    }
+
+    pub(crate) fn store(self, lanes: &mut [f32; LANES]) {
+        *lanes = self.0;
     }
 
     /// The same number in every lane.
@@ -70,18 +78,13 @@ impl Floats {
     /// The whole numbers nearest to these, ties to even, kept between two small whole numbers; the lower one for NaN.
     pub(crate) fn nearest_within(self, [least, most]: [f32; 2]) -> Ints {
         let kept = self.greater(Self::splat(least)).lesser(Self::splat(most));
-        Ints(
-            kept.0
-                .map(|at| (at + ROUNDER).to_bits() as i32 - ROUNDER.to_bits() as i32),
-        )
+        Ints(kept.0.map(nearest))
     }
 
-    /// Occupancies left over at these distances outside a solid, in voxels.
-    pub(crate) fn left_over(self) -> Bytes {
-        let half = Self::splat(127.5);
-        let share = half + half * self;
-        let kept = share.greater(Self::splat(0.0)).lesser(Self::splat(255.0));
-        u32::from_le_bytes(kept.0.map(|at| (at + ROUNDER).to_bits() as u8))
+    /// The whole numbers nearest to these, ties to even, and kept between 0 and 255. None may be NaN.
+    pub(crate) fn to_bytes(self) -> Bytes {
+        let kept = self.greater(Self::splat(0.0)).lesser(Self::splat(255.0));
+        u32::from_le_bytes(kept.0.map(|at| nearest(at) as u8))
     }
 
     fn with(self, other: Self, each: impl Fn(f32, f32) -> f32) -> Self {
@@ -89,6 +92,14 @@ impl Floats {
             each(self.0[lane], other.0[lane])
         }))
     }
+}
+
+/// Adding this to a single of magnitude below `2^22` leaves its value, rounded to nearest with ties to even, in the low bits of
+/// the sum: rounding without a library call whose result could differ from machine to machine.
+const ROUNDER: f32 = 12_582_912.0;
+
+fn nearest(at: f32) -> i32 {
+    (at + ROUNDER).to_bits() as i32 - ROUNDER.to_bits() as i32
 }
 
 impl From<i32> for Floats {
@@ -129,13 +140,24 @@ impl Ints {
         self.0
     }
 
-    pub(crate) fn splat(value: i32) -> Self {
-        Self([value; LANES])
+    /// `first` in the first lane, and `step` more in each that follows.
+    pub(crate) fn stepping(first: i32, step: i32) -> Self {
+        Self(std::array::from_fn(|lane| first + lane as i32 * step))
     }
 
     /// A fourth, rounded down.
     pub(crate) fn quartered(self) -> Self {
         Self(self.0.map(|at| at >> 2))
+    }
+
+    /// Times `2^16`.
+    pub(crate) fn in_upper_half(self) -> Self {
+        Self(self.0.map(|at| at << 16))
+    }
+
+    /// Whether any is above 0.
+    pub(crate) fn any_above_0(self) -> bool {
+        self.0.iter().any(|&at| 0 < at)
     }
 
     pub(crate) fn greater(self, other: Self) -> Self {

@@ -5,20 +5,21 @@
 use std::arch::x86_64::{
     __m128, __m128i, _mm_add_epi32, _mm_add_ps, _mm_and_ps, _mm_and_si128, _mm_andnot_ps,
     _mm_andnot_si128, _mm_castps_si128, _mm_cmpgt_epi32, _mm_cmplt_ps, _mm_cvtepi32_ps,
-    _mm_cvtsi32_si128, _mm_cvtsi128_si32, _mm_cvtsi128_si64, _mm_max_ps, _mm_min_epu8, _mm_min_ps,
-    _mm_mul_ps, _mm_or_ps, _mm_or_si128, _mm_packs_epi32, _mm_packus_epi16, _mm_sad_epu8,
-    _mm_set_epi32, _mm_set_ps, _mm_set1_epi32, _mm_set1_ps, _mm_setzero_ps, _mm_sqrt_ps,
-    _mm_srai_epi32, _mm_sub_epi32, _mm_sub_ps, _mm_unpackhi_epi64,
+    _mm_cvtps_epi32, _mm_cvtsi32_si128, _mm_cvtsi128_si32, _mm_cvtsi128_si64, _mm_loadu_ps,
+    _mm_max_ps, _mm_min_epu8, _mm_min_ps, _mm_movemask_epi8, _mm_mul_ps, _mm_or_ps, _mm_or_si128,
+    _mm_packs_epi32, _mm_packus_epi16, _mm_sad_epu8, _mm_set_epi32, _mm_set_ps, _mm_set1_epi32,
+    _mm_set1_ps, _mm_setzero_ps, _mm_setzero_si128, _mm_slli_epi32, _mm_sqrt_ps, _mm_srai_epi32,
+    _mm_storeu_ps, _mm_sub_epi32, _mm_sub_ps, _mm_unpackhi_epi64,
 };
 use std::ops::{Add, Mul, Sub};
 
-use super::{Bytes, LANES, ROUNDER};
+use super::{Bytes, LANES};
 
 /// Allows vector instructions.
 macro_rules! sse2 {
     ({ $($body:tt)* }) => {
-        // SAFETY: the only condition of these instructions is a processor with SSE2, which is part of x86-64; none of
-        // them touches memory.
+        // SAFETY: these instructions need a processor with SSE2, which is part of x86-64. The two that touch memory do so
+        // through references to four singles, which is what they read and write.
         unsafe { $($body)* }
     };
 }
@@ -101,27 +102,31 @@ impl Floats {
 
     #[inline(always)]
     pub(crate) fn nearest_within(self, [least, most]: [f32; 2]) -> Ints {
+        let kept = self.greater(Self::splat(least)).lesser(Self::splat(most));
+        sse2! {{ Ints(_mm_cvtps_epi32(kept.0)) }}
+    }
+
+    #[inline(always)]
+    pub(crate) fn to_bytes(self) -> Bytes {
+        // Packing keeps numbers between 0 and 255 by itself, if they are integers before.
+        let kept = self
+            .lesser(Self::splat(1000.0))
+            .greater(Self::splat(-1000.0));
         sse2! {{
-            let kept = self.greater(Self::splat(least)).lesser(Self::splat(most));
-            let rounded = _mm_castps_si128((kept + Self::splat(ROUNDER)).0);
-            Ints(_mm_sub_epi32(
-                rounded,
-                _mm_set1_epi32(ROUNDER.to_bits() as i32),
-            ))
+            let rounded = _mm_cvtps_epi32(kept.0);
+            let words = _mm_packs_epi32(rounded, rounded);
+            _mm_cvtsi128_si32(_mm_packus_epi16(words, words)) as u32
         }}
     }
 
     #[inline(always)]
-    pub(crate) fn left_over(self) -> Bytes {
-        sse2! {{
-            let half = Self::splat(127.5);
-            let share = half + half * self;
-            let kept = share.greater(Self::splat(0.0)).lesser(Self::splat(255.0));
-            let rounded = _mm_castps_si128((kept + Self::splat(ROUNDER)).0);
-            let low = _mm_and_si128(rounded, _mm_set1_epi32(0xFF));
-            let words = _mm_packs_epi32(low, low);
-            _mm_cvtsi128_si32(_mm_packus_epi16(words, words)) as u32
-        }}
+    pub(crate) fn load(lanes: &[f32; LANES]) -> Self {
+        sse2! {{ Self(_mm_loadu_ps(lanes.as_ptr())) }}
+    }
+
+    #[inline(always)]
+    pub(crate) fn store(self, lanes: &mut [f32; LANES]) {
+        sse2! {{ _mm_storeu_ps(lanes.as_mut_ptr(), self.0) }}
     }
 }
 
@@ -198,10 +203,18 @@ impl Ints {
     }
 
     #[inline(always)]
-    pub(crate) fn splat(value: i32) -> Self {
-        sse2! {{
-            Self(_mm_set1_epi32(value))
-        }}
+    pub(crate) fn stepping(first: i32, step: i32) -> Self {
+        sse2! {{ Self(_mm_add_epi32(_mm_set1_epi32(first), _mm_set_epi32(3 * step, 2 * step, step, 0))) }}
+    }
+
+    #[inline(always)]
+    pub(crate) fn in_upper_half(self) -> Self {
+        sse2! {{ Self(_mm_slli_epi32::<16>(self.0)) }}
+    }
+
+    #[inline(always)]
+    pub(crate) fn any_above_0(self) -> bool {
+        sse2! {{ _mm_movemask_epi8(_mm_cmpgt_epi32(self.0, _mm_setzero_si128())) != 0 }}
     }
 
     #[inline(always)]
