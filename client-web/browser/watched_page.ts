@@ -1,0 +1,119 @@
+// A page in Chromium that reports what the browser complains about, and pictures that can be compared.
+
+import { mkdirSync } from "node:fs";
+import { join } from "node:path";
+import { type Browser, chromium, type Page } from "playwright-core";
+import { until } from "./until";
+
+const OUT = join(import.meta.dirname, "out");
+
+/** Chromium as root and without a graphics card, talking to nobody. */
+const FLAGS = [
+  "--no-sandbox", "--enable-unsafe-swiftshader", "--headless", "--disable-background-networking",
+  "--disable-component-update", "--disable-sync", "--no-first-run",
+];
+
+/** The software renderer remarks on its own slowness. */
+const RENDERERS_OWN = /GL Driver Message \(OpenGL, Performance/;
+/** While the server is away, Chromium itself logs every request that finds nobody. */
+const NOBODY_THERE = /net::ERR_(CONNECTION_REFUSED|CONNECTION_RESET|EMPTY_RESPONSE|SOCKET_NOT_CONNECTED|CONNECTION_CLOSED)/;
+
+export function launch(): Promise<Browser> {
+  mkdirSync(OUT, { recursive: true });
+  return chromium.launch({ executablePath: process.env["TELECLAY_CHROMIUM"] ?? "/usr/bin/chromium", headless: true, args: FLAGS });
+}
+
+export class WatchedPage {
+  readonly page: Page;
+  readonly complaints: string[] = [];
+  readonly #bench: Page;
+  /** Set while the server is meant to be away. */
+  serverIsAway = false;
+
+  private constructor(page: Page, bench: Page) {
+    this.page = page;
+    this.#bench = bench;
+    page.on("console", (message) => {
+      if (message.type() !== "error" && message.type() !== "warning") return;
+      const text = message.text();
+      if (text.includes('GL Driver Message (OpenGL, Performance') || (this.serverIsAway && NOBODY_THERE.test(text))) return;
+      this.complaints.push(`${message.type()}: ${text} (${message.location().url})`);
+    });
+    page.on("pageerror", (error) => this.complaints.push(`uncaught: ${error.message}`));
+  }
+
+  static async open(browser: Browser, url: string): Promise<WatchedPage> {
+    const context = await browser.newContext({ viewport: { width: 1280, height: 800 }, colorScheme: "light", reducedMotion: "reduce" });
+    const watched = new WatchedPage(await context.newPage(), await browser.newPage());
+    await watched.page.goto(url);
+    return watched;
+  }
+
+  text(id: string): Promise<string> {
+    return this.page.getByTestId(id).innerText();
+  }
+
+  /** The number an instrument of the page shows. */
+  async number(id: string): Promise<number> {
+    return Number.parseFloat((await this.text(id)).replace("−", "-").replaceAll(/[  ]/g, ""));
+  }
+
+  /** Milliseconds that an instrument shows, in whichever unit. */
+  async milliseconds(id: string): Promise<number> {
+    const unit = /(µs|ms|s)\s*$/.exec(await this.text(id))?.[1];
+    return (await this.number(id)) * (unit === "µs" ? 1e-3 : unit === "s" ? 1e3 : 1);
+  }
+
+  /** Types a setting into its field. */
+  async set(pointer: string, text: string): Promise<void> {
+    const field = this.page.getByTestId(pointer).getByRole("textbox");
+    await field.fill(text);
+    await field.press("Enter");
+  }
+
+  /** The middle of the clay picture, away from everything written over it, once it stands still. */
+  async pictureAtRest(): Promise<Buffer> {
+    let last = await this.picture();
+    return until("the picture stands still", async () => {
+      const next = await this.picture();
+      if (await this.share(last, next) === 0) return next;
+      last = next;
+      return undefined;
+    });
+  }
+
+  async picture(): Promise<Buffer> {
+    const box = await this.page.getByTestId("clay").boundingBox();
+    if (box === null) throw new Error("the clay is not on the page");
+    const clip = { x: box.x + 0.1 * box.width, y: box.y + 0.2 * box.height, width: 0.8 * box.width, height: 0.5 * box.height };
+    return this.page.screenshot({ clip });
+  }
+
+  /** Share of pixels, 0 … 1, that differ clearly between two pictures. */
+  share(a: Buffer, b: Buffer): Promise<number> {
+    return this.#bench.evaluate(shareThatDiffers, [a.toString("base64"), b.toString("base64")]);
+  }
+
+  async keep(name: string): Promise<void> {
+    await this.page.screenshot({ path: join(OUT, `${name}.png`) });
+  }
+}
+
+/** Runs in the browser, which can read PNG. */
+async function shareThatDiffers(pictures: string[]): Promise<number> {
+  const pixels = await Promise.all(pictures.map(async (base64) => {
+    const bitmap = await createImageBitmap(await (await fetch(`data:image/png;base64,${base64}`)).blob());
+    const context = new OffscreenCanvas(bitmap.width, bitmap.height).getContext("2d");
+    if (context === null) throw new Error("no canvas to compare on");
+    context.drawImage(bitmap, 0, 0);
+    return context.getImageData(0, 0, bitmap.width, bitmap.height).data;
+  }));
+  const [a, b] = pixels;
+  let differing = 0;
+  for (let i = 0; i < a.length; i += 4) {
+    const distance = Math.abs(a[i] - b[i]) + Math.abs(a[i + 1] - b[i + 1]) + Math.abs(a[i + 2] - b[i + 2]);
+    // Fewer than eight steps a colour are the work of dithering, not of clay.
+    if (24 < distance) differing += 1;
+  }
+  return (4 * differing) / a.length;
+}
