@@ -1,0 +1,276 @@
+//! Round trips: the product's, beside a bare Zenoh ping-pong and a bare UDP one between the same two cores.
+
+use std::net::{SocketAddr, UdpSocket};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context as _, bail};
+use serde_json::Value;
+use teleclay_shell::network::{CONTROL_QOS, Endpoints, open};
+
+use crate::row::{Row, quantile};
+
+/// Exchanges of each kind, and the time between them: the loop's own rhythm, so that caches and cores are as cold as they are for it.
+const EXCHANGES: u32 = 3_000;
+const PACE: Duration = Duration::from_millis(1);
+/// As long as a frame with a few sweeps.
+const PAYLOAD: usize = 240;
+/// A tick's wait is half a millisecond on average; the rest is what this project may add.
+const ALLOWANCE_S: f64 = 0.6e-3;
+const PATIENCE: Duration = Duration::from_secs(20);
+
+const HTTP: &str = "127.0.0.1:18099";
+const ZENOH: &str = "tcp/127.0.0.1:17499";
+const ZENOH_ECHO: &str = "tcp/127.0.0.1:17489";
+const UDP_ECHO: &str = "127.0.0.1:17488";
+
+/// A child that ends with this value.
+struct Held(Child);
+
+impl Drop for Held {
+    fn drop(&mut self) {
+        // It may have ended by itself.
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+pub(crate) fn rows() -> anyhow::Result<Vec<Row>> {
+    let mut udp = udp_round_trips().context("bare UDP")?;
+    let mut bare = zenoh_round_trips().context("bare Zenoh")?;
+    let product = product_round_trips().context("server and handle")?;
+    let (udp_p50, bare_p50) = (quantile(&mut udp, 0.5), quantile(&mut bare, 0.5));
+    Ok(vec![
+        Row::new("bare_udp_round_trip_p50_s", "s", bare_p50, udp_p50),
+        Row::new("bare_zenoh_round_trip_p50_s", "s", bare_p50, bare_p50).beside(udp_p50),
+        Row::new("round_trip_p50_s", "s", bare_p50 + ALLOWANCE_S, product.p50).beside(bare_p50),
+        Row::new(
+            "round_trip_p99_s",
+            "s",
+            quantile(&mut bare, 0.99) + 1e-3,
+            product.p99,
+        )
+        .beside(quantile(&mut bare, 0.99)),
+        Row::new("loop_tick_work_p50_s", "s", 10e-6 + 10e-6, product.tick_p50),
+        Row::new("loop_late_tick_share", "1", 0.001, product.late_share),
+    ])
+}
+
+fn myself(arguments: &[&str]) -> anyhow::Result<Held> {
+    let program = std::env::current_exe()?;
+    Ok(Held(
+        Command::new(program)
+            .args(arguments)
+            .stdin(Stdio::null())
+            .spawn()?,
+    ))
+}
+
+pub(crate) fn echo_udp(address: SocketAddr) -> anyhow::Result<()> {
+    let socket = UdpSocket::bind(address)?;
+    socket.set_read_timeout(Some(PATIENCE))?;
+    let mut buffer = [0; 2048];
+    while let Ok((length, from)) = socket.recv_from(&mut buffer) {
+        socket.send_to(&buffer[..length], from)?;
+    }
+    Ok(())
+}
+
+fn udp_round_trips() -> anyhow::Result<Vec<u64>> {
+    let _echo = myself(&["--echo-udp", UDP_ECHO])?;
+    let socket = UdpSocket::bind("127.0.0.1:0")?;
+    socket.connect(UDP_ECHO)?;
+    socket.set_read_timeout(Some(Duration::from_millis(100)))?;
+    let mut buffer = [0; PAYLOAD];
+    let started = Instant::now();
+    while socket
+        .send(&buffer)
+        .and_then(|_| socket.recv(&mut buffer))
+        .is_err()
+    {
+        anyhow::ensure!(started.elapsed() < PATIENCE, "the echo does not answer");
+    }
+    let mut times = Vec::new();
+    for _ in 0..EXCHANGES {
+        std::thread::sleep(PACE);
+        let sent = Instant::now();
+        socket.send(&buffer)?;
+        if socket.recv(&mut buffer).is_ok() {
+            times.push(sent.elapsed().as_nanos() as u64);
+        }
+    }
+    Ok(times)
+}
+
+fn runtime() -> anyhow::Result<tokio::runtime::Runtime> {
+    Ok(tokio::runtime::Builder::new_multi_thread()
+        .worker_threads(1)
+        .enable_all()
+        .build()?)
+}
+
+fn failed(error: zenoh::Error) -> anyhow::Error {
+    anyhow::anyhow!("zenoh: {error}")
+}
+
+async fn publisher(
+    session: &zenoh::Session,
+    key: &'static str,
+) -> anyhow::Result<zenoh::pubsub::Publisher<'static>> {
+    let (congestion, priority, is_express, reliability) = CONTROL_QOS;
+    session
+        .declare_publisher(key)
+        .congestion_control(congestion)
+        .priority(priority)
+        .express(is_express)
+        .reliability(reliability)
+        .await
+        .map_err(failed)
+}
+
+pub(crate) fn echo_zenoh(endpoint: &str) -> anyhow::Result<()> {
+    use zenoh::Wait as _;
+    runtime()?.block_on(async {
+        let endpoints = Endpoints {
+            listen: vec![endpoint.to_owned()],
+            connect: Vec::new(),
+        };
+        let session = open(&endpoints).await?;
+        let back = publisher(&session, "figures/pong").await?;
+        let _echo = session
+            .declare_subscriber("figures/ping")
+            .callback(move |sample| {
+                // An error means that the session is closing.
+                let _ = back.put(sample.payload().to_bytes().into_owned()).wait();
+            })
+            .await
+            .map_err(failed)?;
+        tokio::time::sleep(PATIENCE).await;
+        Ok(())
+    })
+}
+
+fn zenoh_round_trips() -> anyhow::Result<Vec<u64>> {
+    use zenoh::Wait as _;
+    let _echo = myself(&["--echo-zenoh", ZENOH_ECHO])?;
+    let runtime = runtime()?;
+    runtime.block_on(async {
+        let endpoints = Endpoints {
+            listen: Vec::new(),
+            connect: vec![ZENOH_ECHO.to_owned()],
+        };
+        let session = open(&endpoints).await?;
+        let out = publisher(&session, "figures/ping").await?;
+        let (arrived, arrivals) = std::sync::mpsc::channel();
+        let _pong = session
+            .declare_subscriber("figures/pong")
+            .callback(move |_| {
+                // It fails when the measurement is over.
+                let _ = arrived.send(Instant::now());
+            })
+            .await
+            .map_err(failed)?;
+        let payload = vec![0_u8; PAYLOAD];
+        let started = Instant::now();
+        loop {
+            out.put(payload.clone()).wait().map_err(failed)?;
+            if arrivals.recv_timeout(Duration::from_millis(50)).is_ok() {
+                break;
+            }
+            anyhow::ensure!(started.elapsed() < PATIENCE, "the echo does not answer");
+        }
+        while arrivals.try_recv().is_ok() {}
+        let mut times = Vec::new();
+        for _ in 0..EXCHANGES {
+            std::thread::sleep(PACE);
+            let sent = Instant::now();
+            out.put(payload.clone()).wait().map_err(failed)?;
+            if let Ok(came) = arrivals.recv_timeout(Duration::from_millis(100)) {
+                times.push(came.duration_since(sent).as_nanos() as u64);
+            }
+        }
+        Ok(times)
+    })
+}
+
+struct Product {
+    p50: f64,
+    p99: f64,
+    tick_p50: f64,
+    late_share: f64,
+}
+
+/// The real server and the real handle, cutting; figures as the session tells them.
+fn product_round_trips() -> anyhow::Result<Product> {
+    let folder = std::env::current_exe()?
+        .parent()
+        .context("a program lies in a folder")?
+        .to_owned();
+    let data = std::env::temp_dir().join(format!("teleclay-figures-{}", std::process::id()));
+    let _server = Held(
+        Command::new(folder.join("teleclay-server"))
+            .args(["--listen", HTTP, "--zenoh-listen", ZENOH, "--data-dir"])
+            .arg(&data)
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn()
+            .context("teleclay-server")?,
+    );
+    let _handle = Held(
+        Command::new(folder.join("teleclay-handle"))
+            .args([
+                "--connect",
+                ZENOH,
+                "--session",
+                "demo",
+                "--device",
+                "simulated",
+                "--intent",
+                "cutting",
+            ])
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn()
+            .context("teleclay-handle")?,
+    );
+    let started = Instant::now();
+    let connected = loop {
+        let state = session();
+        match state {
+            Ok(state) if state["tools"][0]["connected"] == true => break state,
+            _ if PATIENCE < started.elapsed() => bail!("no handle joined"),
+            _ => std::thread::sleep(Duration::from_millis(50)),
+        }
+    };
+    std::thread::sleep(Duration::from_secs(8));
+    let state = session()?;
+    // The server may have made it, or not.
+    let _ = std::fs::remove_dir_all(&data);
+    let number = |path: &str| {
+        state
+            .pointer(path)
+            .and_then(Value::as_f64)
+            .with_context(|| format!("no number at {path}"))
+    };
+    let before = |path: &str| {
+        connected
+            .pointer(path)
+            .and_then(Value::as_f64)
+            .unwrap_or(0.0)
+    };
+    let ticks = number("/loop/ticks")? - before("/loop/ticks");
+    let late = number("/loop/late_ticks")? - before("/loop/late_ticks");
+    Ok(Product {
+        p50: number("/loop/rtt_s/p50")?,
+        p99: number("/loop/rtt_s/p99")?,
+        tick_p50: number("/loop/tick_s/p50")?,
+        late_share: late / ticks,
+    })
+}
+
+fn session() -> anyhow::Result<Value> {
+    Ok(ureq::get(format!("http://{HTTP}/api/v1/sessions/demo"))
+        .call()?
+        .body_mut()
+        .read_json()?)
+}
