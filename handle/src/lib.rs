@@ -1,1 +1,34 @@
-//! Placeholder while the rooms are laid.
+//! The handle side's shell: a haptic device, the handle side of the loop on a 1 kHz thread, and Zenoh.
+//!
+//! | module | holds |
+//! |---|---|
+//! | [`device`] | what a device must do; the simulated one |
+//! | [`intent`] | what the simulated operator is to do |
+//! | [`arguments`] | the command line |
+//! | [`mod@run`] | join, drive the device, notice what is lost, join again, leave |
+//! | [`event`], [`status`] | what it tells on the way |
+//!
+//! Within, `engine` is the tick; `seat` is one lease as the tick holds it, and `line` the network's end of the same lease; `outbox` carries
+//! frames from the one to the other; `brake` brings the handle to rest when loops are exchanged; `join` asks the server.
+//!
+//! What follows from a lost server: within the allowed silence plus the ramp (0.15 s by default) the remote part of the force is zero, in
+//! the handle side itself. After a second of silence the server is asked for another lease, until there is one again. The handle then comes to rest, and
+//! a new loop starts from where it stands, at zero force.
+
+pub mod arguments;
+pub mod device;
+pub mod event;
+pub mod intent;
+pub mod run;
+pub mod status;
+
+mod brake;
+mod engine;
+mod join;
+mod line;
+mod outbox;
+mod seat;
+
+pub use join::JoinError;
+pub use line::LineError;
+pub use run::run;

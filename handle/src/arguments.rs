@@ -1,0 +1,446 @@
+//! The command line of `teleclay-handle`. Parsed once; what comes out can be run.
+
+use std::path::Path;
+use std::time::Duration;
+
+use clap::error::ErrorKind;
+use clap::{CommandFactory, Parser, ValueEnum};
+use teleclay_proto::{NodeName, SessionId};
+use teleclay_shell::network::check_endpoint;
+use teleclay_shell::ticker::Scheduling;
+
+use crate::device::DeviceKind;
+use crate::intent::{WaypointsError, Wish, parse_triple, parse_waypoints};
+use crate::run::EXIT_CODES;
+
+/// Most of a wait that can be spun, us: the whole of it.
+const MAX_SPIN_US: u64 = 1000;
+/// What a session accepts as a name of an operator, in characters.
+const MAX_NAME: usize = 64;
+/// The operator of nobody in particular.
+const NOBODY: &str = "operator";
+/// A path has this many corners at most; more are a mistake.
+const LONGEST_WAYPOINTS: u64 = 1 << 20;
+
+/// Holds a handle: joins a session of a teleclay server and lets its operator feel and cut the clay.
+#[derive(Clone, Debug, Parser)]
+#[command(name = "teleclay-handle", version, after_help = EXIT_CODES)]
+pub struct Arguments {
+    /// Zenoh endpoint of the server
+    #[arg(long, value_name = "ENDPOINT", default_value = "tcp/127.0.0.1:7447", value_parser = endpoint)]
+    pub connect: String,
+    /// The session to join
+    #[arg(long, value_name = "NAME", default_value = "demo")]
+    pub session: SessionId,
+    /// The server, when several can be reached [default: whichever answers]
+    #[arg(long, value_name = "NAME")]
+    pub node: Option<NodeName>,
+    /// Who holds the handle, for people to read [default: USER@HOST]
+    #[arg(long, value_name = "NAME", value_parser = operator)]
+    pub operator: Option<String>,
+    /// The server's token, when it asks for one
+    #[arg(long, env = "TELECLAY_TOKEN", hide_env_values = true)]
+    pub token: Option<String>,
+    /// The device
+    #[arg(long, default_value_t)]
+    pub device: DeviceKind,
+    /// What the simulated operator does
+    #[arg(long, value_enum, default_value_t)]
+    pub intent: IntentName,
+    /// Force in N, for constant-force and sensor-force; amplitude, for sinusoid
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = parse_triple)]
+    pub force_n: Option<[f64; 3]>,
+    /// Frequency in Hz, for sinusoid
+    #[arg(long, value_name = "HZ", value_parser = frequency)]
+    pub frequency_hz: Option<f64>,
+    /// Corners in m and speeds in m/s, for trajectory: a file or a list such as 0.02,0,0@0.05;0,0,0@0.05
+    #[arg(long, value_name = "FILE|LIST", allow_hyphen_values = true)]
+    pub waypoints: Option<String>,
+    /// End after this many seconds [default: never]
+    #[arg(long, value_name = "N", value_parser = seconds)]
+    pub seconds: Option<Duration>,
+    /// What to ask the scheduler for: fifo or normal
+    #[arg(long, value_name = "POLICY", default_value_t = Scheduling::Fifo)]
+    pub scheduling: Scheduling,
+    /// The last microseconds of each wait that are spun: punctuality for processor time
+    #[arg(long, value_name = "US", default_value_t = 0, value_parser = clap::value_parser!(u64).range(..=MAX_SPIN_US))]
+    pub spin_us: u64,
+    /// Print a line of JSON each second and one at the end, instead of the summary in words
+    #[arg(long)]
+    pub json: bool,
+    /// What to log to stderr, as in RUST_LOG: info, debug, teleclay_handle=debug,zenoh=warn, …
+    #[arg(
+        long,
+        value_name = "FILTER",
+        env = "TELECLAY_LOG",
+        default_value = "info,zenoh=off"
+    )]
+    pub log: String,
+}
+
+/// The intents by name.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum IntentName {
+    /// A hand that rests
+    Idle,
+    /// A steady push from the muscles: --force-n
+    ConstantForce,
+    /// A steady force at the sensor, as in the cutting experiment: --force-n
+    SensorForce,
+    /// A swinging push: --force-n, --frequency-hz
+    Sinusoid,
+    /// Follow a path once and stay at its end: --waypoints
+    Trajectory,
+    /// Strokes over the block, level by level, then again on a fresh block
+    #[default]
+    Cutting,
+}
+
+impl IntentName {
+    /// The word on the command line.
+    const fn word(self) -> &'static str {
+        match self {
+            Self::Idle => "idle",
+            Self::ConstantForce => "constant-force",
+            Self::SensorForce => "sensor-force",
+            Self::Sinusoid => "sinusoid",
+            Self::Trajectory => "trajectory",
+            Self::Cutting => "cutting",
+        }
+    }
+
+    /// The options that it needs; it takes no other.
+    const fn needs(self) -> &'static [&'static str] {
+        match self {
+            Self::Idle | Self::Cutting => &[],
+            Self::ConstantForce | Self::SensorForce => &["--force-n"],
+            Self::Sinusoid => &["--force-n", "--frequency-hz"],
+            Self::Trajectory => &["--waypoints"],
+        }
+    }
+}
+
+/// Why an intent cannot be made of its options.
+#[derive(Debug, thiserror::Error)]
+pub enum WishError {
+    /// An option is missing.
+    #[error("--intent {intent} needs {option}")]
+    Missing {
+        /// The intent.
+        intent: &'static str,
+        /// The option.
+        option: &'static str,
+    },
+    /// An option is there that would change nothing.
+    #[error("{option} does not go with --intent {intent}")]
+    Unused {
+        /// The intent.
+        intent: &'static str,
+        /// The option.
+        option: &'static str,
+    },
+    /// The waypoints are none.
+    #[error("--waypoints: {0}")]
+    Waypoints(#[from] WaypointsError),
+    /// The text is neither a list nor a file.
+    #[error("--waypoints `{got}` is neither a file nor a list: {source}")]
+    NeitherFileNorList {
+        /// As given.
+        got: String,
+        /// Why it is no list.
+        source: WaypointsError,
+    },
+    /// The file cannot be read.
+    #[error("--waypoints {path}: {source}")]
+    File {
+        /// Its path.
+        path: String,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// The file is too large to be a path.
+    #[error("--waypoints {path} has {got} bytes, want {LONGEST_WAYPOINTS} at most")]
+    TooLong {
+        /// Its path.
+        path: String,
+        /// Its length.
+        got: u64,
+    },
+}
+
+impl Arguments {
+    /// Reads the command line of this process.
+    ///
+    /// # Errors
+    /// As clap words them; asking for help or the version is one too.
+    pub fn read() -> Result<(Self, Wish), clap::Error> {
+        Self::read_from(std::env::args_os())
+    }
+
+    /// Reads a command line, the program's name first.
+    ///
+    /// # Errors
+    /// As [`read`](Self::read).
+    pub fn read_from<I>(words: I) -> Result<(Self, Wish), clap::Error>
+    where
+        I: IntoIterator,
+        I::Item: Into<std::ffi::OsString> + Clone,
+    {
+        let arguments = Self::try_parse_from(words)?;
+        let wish = arguments.wish().map_err(|error| {
+            let kind = match &error {
+                WishError::Missing { .. } => ErrorKind::MissingRequiredArgument,
+                WishError::Unused { .. } => ErrorKind::ArgumentConflict,
+                _ => ErrorKind::ValueValidation,
+            };
+            Self::command().error(kind, error)
+        })?;
+        Ok((arguments, wish))
+    }
+
+    /// The operator's name: as given, or who and where this process is.
+    pub fn operator_name(&self) -> String {
+        self.operator.clone().unwrap_or_else(user_at_host)
+    }
+
+    fn wish(&self) -> Result<Wish, WishError> {
+        let intent = self.intent.word();
+        let given = [
+            ("--force-n", self.force_n.is_some()),
+            ("--frequency-hz", self.frequency_hz.is_some()),
+            ("--waypoints", self.waypoints.is_some()),
+        ];
+        for (option, is_given) in given {
+            match (self.intent.needs().contains(&option), is_given) {
+                (true, false) => return Err(WishError::Missing { intent, option }),
+                (false, true) => return Err(WishError::Unused { intent, option }),
+                _ => {}
+            }
+        }
+        // What is needed was found above, so no default is ever taken.
+        let force_n = self.force_n.unwrap_or_default();
+        Ok(match self.intent {
+            IntentName::Idle => Wish::Idle,
+            IntentName::ConstantForce => Wish::ConstantForce { force_n },
+            IntentName::SensorForce => Wish::SensorForce { force_n },
+            IntentName::Sinusoid => Wish::Sinusoid {
+                amplitude_n: force_n,
+                frequency_hz: self.frequency_hz.unwrap_or_default(),
+            },
+            IntentName::Trajectory => Wish::Trajectory {
+                waypoints: waypoints(self.waypoints.as_deref().unwrap_or_default())?,
+            },
+            IntentName::Cutting => Wish::Cutting,
+        })
+    }
+}
+
+fn waypoints(got: &str) -> Result<Vec<teleclay_operator::Waypoint>, WishError> {
+    let Ok(file) = Path::new(got).metadata() else {
+        return parse_waypoints(got).map_err(|source| WishError::NeitherFileNorList {
+            got: got.to_owned(),
+            source,
+        });
+    };
+    let path = got.to_owned();
+    if LONGEST_WAYPOINTS < file.len() {
+        return Err(WishError::TooLong {
+            path,
+            got: file.len(),
+        });
+    }
+    match std::fs::read_to_string(got) {
+        Ok(text) => Ok(parse_waypoints(&text)?),
+        Err(source) => Err(WishError::File { path, source }),
+    }
+}
+
+fn endpoint(text: &str) -> Result<String, String> {
+    check_endpoint(text).map_err(|_| "want tcp/ADDRESS:PORT or udp/ADDRESS:PORT".to_owned())?;
+    Ok(text.to_owned())
+}
+
+fn operator(text: &str) -> Result<String, String> {
+    if is_operator(text) {
+        Ok(text.to_owned())
+    } else {
+        Err(format!("want 1 to {MAX_NAME} printable characters"))
+    }
+}
+
+fn is_operator(text: &str) -> bool {
+    (1..=MAX_NAME).contains(&text.chars().count()) && !text.chars().any(char::is_control)
+}
+
+fn frequency(text: &str) -> Result<f64, String> {
+    let hz = text
+        .parse::<f64>()
+        .ok()
+        .filter(|hz| hz.is_finite() && 0.0 < *hz);
+    hz.ok_or_else(|| "want a finite number above zero".to_owned())
+}
+
+fn seconds(text: &str) -> Result<Duration, String> {
+    let seconds = text
+        .parse::<f64>()
+        .ok()
+        .filter(|seconds| seconds.is_finite() && 0.0 < *seconds);
+    let duration = seconds.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
+    duration.ok_or_else(|| "want a number of seconds above zero".to_owned())
+}
+
+fn user_at_host() -> String {
+    let user = ["USER", "LOGNAME", "USERNAME"]
+        .iter()
+        .find_map(|name| std::env::var(name).ok());
+    let host =
+        std::fs::read_to_string("/proc/sys/kernel/hostname").or_else(|_| std::env::var("HOSTNAME"));
+    let host = host.map(|host| host.trim().to_owned()).unwrap_or_default();
+    let name = match user {
+        Some(user) if host.is_empty() => user,
+        Some(user) => format!("{user}@{host}"),
+        None if host.is_empty() => NOBODY.to_owned(),
+        None => format!("{NOBODY}@{host}"),
+    };
+    let name: String = name.chars().take(MAX_NAME).collect();
+    if is_operator(&name) {
+        name
+    } else {
+        NOBODY.to_owned()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use teleclay_operator::Waypoint;
+
+    fn read(words: &[&str]) -> Result<(Arguments, Wish), String> {
+        let words = ["teleclay-handle"].iter().chain(words);
+        Arguments::read_from(words).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn the_command_line_is_well_formed() {
+        Arguments::command().debug_assert();
+    }
+
+    #[test]
+    fn without_arguments_it_joins_the_demo_on_this_machine_and_cuts() {
+        let (arguments, wish) = read(&[]).unwrap();
+        assert_eq!(arguments.connect, "tcp/127.0.0.1:7447");
+        assert_eq!(arguments.session.as_str(), "demo");
+        assert_eq!(
+            (arguments.device, wish),
+            (DeviceKind::Simulated, Wish::Cutting)
+        );
+        assert_eq!(arguments.seconds, None);
+        assert!(is_operator(&arguments.operator_name()));
+    }
+
+    #[test]
+    fn every_intent_takes_its_numbers() {
+        let wish = |words: &[&str]| read(words).unwrap().1;
+        assert_eq!(wish(&["--intent", "idle"]), Wish::Idle);
+        assert_eq!(
+            wish(&["--intent", "constant-force", "--force-n", "-2,0,0.5"]),
+            Wish::ConstantForce {
+                force_n: [-2.0, 0.0, 0.5]
+            }
+        );
+        assert_eq!(
+            wish(&["--intent", "sensor-force", "--force-n=2,0,0"]),
+            Wish::SensorForce {
+                force_n: [2.0, 0.0, 0.0]
+            }
+        );
+        assert_eq!(
+            wish(&[
+                "--intent",
+                "sinusoid",
+                "--force-n",
+                "1,1,0",
+                "--frequency-hz",
+                "0.5"
+            ]),
+            Wish::Sinusoid {
+                amplitude_n: [1.0, 1.0, 0.0],
+                frequency_hz: 0.5
+            }
+        );
+        let corner = Waypoint {
+            position_m: [-0.02, 0.0, 0.0],
+            speed_m_s: 0.05,
+        };
+        assert_eq!(
+            wish(&["--intent", "trajectory", "--waypoints", "-0.02,0,0@0.05"]),
+            Wish::Trajectory {
+                waypoints: vec![corner]
+            }
+        );
+    }
+
+    #[test]
+    fn waypoints_come_from_a_file_too() {
+        let path = std::env::temp_dir().join(format!("teleclay-waypoints-{}", std::process::id()));
+        std::fs::write(&path, "# a corner\n0.01,0,0@0.02\n").unwrap();
+        let read = read(&[
+            "--intent",
+            "trajectory",
+            "--waypoints",
+            path.to_str().unwrap(),
+        ]);
+        std::fs::remove_file(&path).unwrap();
+        let corner = Waypoint {
+            position_m: [0.01, 0.0, 0.0],
+            speed_m_s: 0.02,
+        };
+        assert_eq!(
+            read.unwrap().1,
+            Wish::Trajectory {
+                waypoints: vec![corner]
+            }
+        );
+    }
+
+    #[test]
+    fn what_is_wrong_is_named_with_what_would_be_right() {
+        for (words, what) in [
+            (
+                &["--connect", "localhost:7447"][..],
+                "want tcp/ADDRESS:PORT",
+            ),
+            (&["--session", "De mo"], "wanted a-z, 0-9, _ or -"),
+            (
+                &["--intent", "dig"],
+                "possible values: idle, constant-force",
+            ),
+            (
+                &["--intent", "constant-force"],
+                "--intent constant-force needs --force-n",
+            ),
+            (
+                &["--intent", "sinusoid", "--force-n", "1,0,0"],
+                "needs --frequency-hz",
+            ),
+            (
+                &["--intent", "cutting", "--force-n", "1,0,0"],
+                "--force-n does not go with --intent cutting",
+            ),
+            (&["--force-n", "1,0"], "2 number(s), want three: X,Y,Z"),
+            (&["--frequency-hz", "0"], "want a finite number above zero"),
+            (
+                &["--intent", "trajectory", "--waypoints", "there.txt"],
+                "neither a file nor a list",
+            ),
+            (&["--seconds", "-1"], "want a number of seconds above zero"),
+            (&["--scheduling", "batch"], "want normal or fifo"),
+            (&["--spin-us", "5000"], "0..=1000"),
+            (&["--device", "omega"], "have simulated"),
+            (&["--operator", ""], "want 1 to 64 printable characters"),
+        ] {
+            let error = read(words).unwrap_err();
+            assert!(error.contains(what), "{words:?}: {error}");
+        }
+    }
+}

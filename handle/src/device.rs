@@ -1,0 +1,196 @@
+//! What a haptic device must do, whatever it is made of.
+//!
+//! The 1 kHz thread owns the device and, each tick, samples it once, commands it once and asks it once for requests. None of these
+//! calls may block, allocate or lock. A device opens in [`open`], on another thread, and is at rest from then until its first command;
+//! dropping it must leave it without power.
+
+mod simulated;
+
+use std::fmt;
+use std::str::FromStr;
+
+use teleclay_operator::{DeviceSample, IntentError, SimulatedHandleError};
+use teleclay_proto::Axes;
+use teleclay_proto::join::Granted;
+use teleclay_proto::{ToolDescription, join::LoopParameters};
+
+use crate::intent::Wish;
+
+pub use simulated::SimulatedDevice;
+
+/// What a device is told each tick. A device that moves by position commands (the handle of \[KHMH03\] is one) follows `position_m`; one
+/// that pushes renders `force_n`.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct DeviceCommand {
+    /// Where the handle should be, displacement from home, m.
+    pub position_m: [f64; 3],
+    /// Force of the far side on the hand, N: finite, bounded and slew-limited.
+    pub force_n: [f64; 3],
+}
+
+/// What whoever holds the device asks for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DeviceRequest {
+    /// A fresh block of clay: this one is cut.
+    FreshClay,
+}
+
+/// A haptic device.
+pub trait Device: Send {
+    /// What it is, for people to read; 1 to 64 characters.
+    fn name(&self) -> &str;
+
+    /// What its sensors read now.
+    ///
+    /// # Errors
+    /// The device is gone or broken. Values that are not finite are no error here: the loop checks them.
+    fn sample(&mut self) -> Result<DeviceSample, DeviceError>;
+
+    /// Takes the command for the tick that begins now.
+    ///
+    /// # Errors
+    /// The device is gone or broken.
+    fn command(&mut self, command: &DeviceCommand) -> Result<(), DeviceError>;
+
+    /// What whoever holds it asks for, each thing once.
+    fn poll_request(&mut self) -> Option<DeviceRequest>;
+}
+
+/// Why a device cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum DeviceError {
+    /// It does not answer (any more).
+    #[error("{device} is lost: {reason}")]
+    Lost {
+        /// Its name.
+        device: String,
+        /// In its driver's words.
+        reason: String,
+    },
+    /// What its operator is to do cannot be done.
+    #[error(transparent)]
+    Intent(#[from] IntentError),
+    /// The loop's parameters make no simulated handle.
+    #[error(transparent)]
+    Simulation(#[from] SimulatedHandleError),
+}
+
+/// The devices there are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum DeviceKind {
+    /// The servo and arm of \[KHMH03\] in software, with an operator who follows an intent.
+    #[default]
+    Simulated,
+}
+
+impl DeviceKind {
+    /// Every kind.
+    pub const ALL: [Self; 1] = [Self::Simulated];
+
+    /// The word that stands for it in arguments.
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Simulated => "simulated",
+        }
+    }
+}
+
+impl fmt::Display for DeviceKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.word())
+    }
+}
+
+/// A word that names no device.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("`{got}` is not a device, have simulated")]
+pub struct UnknownDevice {
+    /// The word.
+    pub got: String,
+}
+
+impl FromStr for DeviceKind {
+    type Err = UnknownDevice;
+
+    fn from_str(word: &str) -> Result<Self, UnknownDevice> {
+        let known = Self::ALL.into_iter().find(|kind| kind.word() == word);
+        known.ok_or_else(|| UnknownDevice {
+            got: word.to_owned(),
+        })
+    }
+}
+
+/// What a device needs to know of the session that it works in. A device goes on under another lease as long as these stay the same.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Workplace {
+    /// Length of a tick, s.
+    pub tick_s: f64,
+    /// How many axes reflect force.
+    pub axes: Axes,
+    /// Tool displacement per handle displacement.
+    pub position_ratio: f64,
+    /// Tool position in the clay's frame with the handle at home, m.
+    pub home_m: [f64; 3],
+    /// Least and greatest tool position, m.
+    pub reach_m: [[f64; 3]; 2],
+    /// The tool.
+    pub tool: ToolDescription,
+    /// Extent of the block, which starts at the origin of the clay's frame, m.
+    pub block_m: [f64; 3],
+}
+
+impl Workplace {
+    /// The workplace that a lease gives.
+    pub fn of(granted: &Granted) -> Self {
+        let LoopParameters {
+            tick_s,
+            axes,
+            position_ratio,
+            home_m,
+            reach_m,
+            tool,
+            ..
+        } = granted.parameters;
+        let block_m = granted.clay.shape.size_m();
+        Self {
+            tick_s,
+            axes,
+            position_ratio,
+            home_m,
+            reach_m,
+            tool,
+            block_m,
+        }
+    }
+}
+
+/// Opens a device for a workplace.
+///
+/// # Errors
+/// The device is not there, or cannot do what is wished.
+pub fn open(
+    kind: DeviceKind,
+    wish: &Wish,
+    workplace: &Workplace,
+) -> Result<Box<dyn Device>, DeviceError> {
+    match kind {
+        DeviceKind::Simulated => Ok(Box::new(SimulatedDevice::new(wish, workplace)?)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_device_is_named_by_its_word() {
+        for kind in DeviceKind::ALL {
+            assert_eq!(kind.word().parse(), Ok(kind));
+        }
+        let error = "omega.7".parse::<DeviceKind>().unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            "`omega.7` is not a device, have simulated"
+        );
+    }
+}

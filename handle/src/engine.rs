@@ -1,0 +1,270 @@
+//! The tick: device and handle side, stepped by one 1 kHz thread.
+//!
+//! ```text
+//! device ─sample─> handle side ─command─> device
+//!            frames ^        v frame, record
+//! ```
+//!
+//! The thread owns the device for as long as the program runs, with a server or without: a lost server leaves the handle side with its
+//! watchdog, a new lease comes as a new [`Seat`]. It takes orders and frames from lock-free rings and puts frames, records and seats it is
+//! done with into others; it never allocates, locks, or calls Zenoh.
+
+use std::io;
+
+use rtrb::{Consumer, Producer, RingBuffer};
+use teleclay_bilateral::Contact;
+use teleclay_link::arrivals::ArrivalCounts;
+use teleclay_link::safety::NotFinite;
+use teleclay_link::time::Timestamp;
+use teleclay_proto::Scheme;
+use teleclay_shell::Clock;
+use teleclay_shell::ticker::{Next, Tick, Ticker, TickerConfig};
+
+use crate::brake::Brake;
+use crate::device::{Device, DeviceCommand, DeviceError, DeviceRequest};
+use crate::seat::{Heard, Seat};
+
+/// Records that may wait for whoever reads them: four seconds of ticks.
+const RECORDS_WAITING: usize = 4096;
+/// Orders that may wait, and seats that wait to be dropped.
+const ORDERS_WAITING: usize = 4;
+
+/// What the tick is told to do.
+pub(crate) enum Order {
+    /// Goes on under another lease, once the handle is at rest.
+    Take(Box<Seat>),
+    /// Says goodbye and brings the handle to rest.
+    Leave,
+}
+
+/// Who moves the handle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Mode {
+    /// The loop.
+    Coupled,
+    /// The brake, on its way to rest.
+    Braking,
+    /// Nobody: the handle is at rest and stays there.
+    Resting,
+}
+
+/// One tick, for whoever counts and watches.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Record {
+    pub(crate) lateness_ns: u64,
+    pub(crate) given_up: u64,
+    pub(crate) work_ns: u64,
+    pub(crate) lease: u32,
+    pub(crate) mode: Mode,
+    pub(crate) contact: Contact,
+    pub(crate) silence_ns: u64,
+    pub(crate) heard: Heard,
+    pub(crate) felt_force_n: [f64; 3],
+    pub(crate) arrivals: ArrivalCounts,
+    pub(crate) lost_on_the_way_out: u64,
+    pub(crate) scheme: Scheme,
+    pub(crate) fault: Option<NotFinite>,
+    pub(crate) request: Option<DeviceRequest>,
+}
+
+/// The ends of the rings that the tick does not hold.
+pub(crate) struct Ends {
+    pub(crate) orders: Producer<Order>,
+    pub(crate) records: Consumer<Record>,
+    pub(crate) discarded: Consumer<Box<Seat>>,
+    /// Why the thread ended by itself.
+    pub(crate) failures: Consumer<DeviceError>,
+}
+
+/// The state of the thread.
+pub(crate) struct Engine {
+    tick_s: f64,
+    device: Box<dyn Device>,
+    seat: Box<Seat>,
+    next: Option<Box<Seat>>,
+    brake: Option<Brake>,
+    is_leaving: bool,
+    /// The last command and how far it was from the one before, m.
+    last_command: Option<([f64; 3], [f64; 3])>,
+    request: Option<DeviceRequest>,
+    orders: Consumer<Order>,
+    records: Producer<Record>,
+    discarded: Producer<Box<Seat>>,
+    failures: Producer<DeviceError>,
+}
+
+impl Engine {
+    /// A device at rest and the first seat, taken at `now`.
+    pub(crate) fn new(
+        now: Timestamp,
+        tick_s: f64,
+        device: Box<dyn Device>,
+        mut seat: Box<Seat>,
+    ) -> (Self, Ends) {
+        let (orders_in, orders) = RingBuffer::new(ORDERS_WAITING);
+        let (records, records_out) = RingBuffer::new(RECORDS_WAITING);
+        let (discarded, discarded_out) = RingBuffer::new(ORDERS_WAITING);
+        let (failures, failures_out) = RingBuffer::new(1);
+        seat.take(now);
+        let engine = Self {
+            tick_s,
+            device,
+            seat,
+            next: None,
+            brake: None,
+            is_leaving: false,
+            last_command: None,
+            request: None,
+            orders,
+            records,
+            discarded,
+            failures,
+        };
+        let ends = Ends {
+            orders: orders_in,
+            records: records_out,
+            discarded: discarded_out,
+            failures: failures_out,
+        };
+        (engine, ends)
+    }
+
+    /// Starts the thread.
+    ///
+    /// # Errors
+    /// The system cannot make a thread.
+    pub(crate) fn spawn(mut self, clock: Clock, config: TickerConfig) -> io::Result<Ticker> {
+        Ticker::spawn(config, move |tick| self.timed_tick(clock, &tick))
+    }
+
+    /// A tick, and its record.
+    fn timed_tick(&mut self, clock: Clock, tick: &Tick) -> Next {
+        let started_ns = clock.now_ns();
+        let mut record = match self.tick(Timestamp::from_nanos(started_ns)) {
+            Ok(record) => record,
+            Err(error) => {
+                // The ring holds the one failure that there can be.
+                let _ = self.failures.push(error);
+                return Next::Stop;
+            }
+        };
+        record.lateness_ns = tick.lateness.as_nanos() as u64;
+        record.given_up = tick.given_up;
+        record.work_ns = clock.now_ns() - started_ns;
+        if self.records.push(record).is_ok() {
+            self.request = None;
+        }
+        Next::Continue
+    }
+
+    /// One tick. Times in the record are the caller's to fill in.
+    fn tick(&mut self, now: Timestamp) -> Result<Record, DeviceError> {
+        self.take_orders();
+        let sample = self.device.sample()?;
+        let heard = self.seat.listen();
+        let step = self.seat.step(now, &sample);
+        if self.is_leaving || self.next.is_some() || self.seat.side.fault().is_some() {
+            self.start_brake();
+        }
+        let mut mode = Mode::Coupled;
+        let mut command = DeviceCommand {
+            position_m: step.command_m,
+            force_n: step.felt_force_n,
+        };
+        if let Some(brake) = &mut self.brake {
+            mode = if brake.is_done(&sample) {
+                Mode::Resting
+            } else {
+                Mode::Braking
+            };
+            command = brake.step(step.felt_force_n);
+        }
+        // A handle that is in fault before its first command is left alone.
+        if mode == Mode::Coupled || self.last_command.is_some() {
+            self.command(&command)?;
+        }
+        // The lease of a seat that is about to be given up is over.
+        if self.next.is_none() {
+            self.seat.send();
+        }
+        self.request = self.request.or_else(|| self.device.poll_request());
+        let record = Record {
+            lateness_ns: 0,
+            given_up: 0,
+            work_ns: 0,
+            lease: self.seat.lease,
+            mode,
+            contact: step.contact,
+            silence_ns: self.seat.silence_ns(now),
+            heard,
+            felt_force_n: command.force_n,
+            arrivals: self.seat.side.arrivals(),
+            lost_on_the_way_out: self.seat.lost_on_the_way_out(),
+            scheme: self.seat.side.scheme(),
+            fault: self.seat.side.fault(),
+            request: self.request,
+        };
+        if mode == Mode::Resting {
+            self.change_seats(now);
+        }
+        Ok(record)
+    }
+
+    fn take_orders(&mut self) {
+        // An order may leave one seat to discard: without room for it the order waits.
+        while 0 < self.discarded.slots() {
+            let Ok(order) = self.orders.pop() else { return };
+            match order {
+                Order::Leave => {
+                    self.is_leaving = true;
+                    self.seat.side.leave();
+                }
+                Order::Take(seat) => {
+                    if let Some(overtaken) = self.next.replace(seat) {
+                        self.discard(overtaken);
+                    }
+                }
+            }
+        }
+    }
+
+    fn start_brake(&mut self) {
+        if self.brake.is_none() {
+            let (position_m, step_m) = self.last_command.unwrap_or_default();
+            self.brake = Some(Brake::new(
+                position_m,
+                step_m,
+                self.tick_s,
+                self.seat.ramp_s,
+            ));
+        }
+    }
+
+    fn command(&mut self, command: &DeviceCommand) -> Result<(), DeviceError> {
+        let before = self
+            .last_command
+            .map_or(command.position_m, |(position_m, _)| position_m);
+        let step_m = std::array::from_fn(|axis| command.position_m[axis] - before[axis]);
+        self.last_command = Some((command.position_m, step_m));
+        self.device.command(command)
+    }
+
+    /// Takes the next seat, if one waits: the handle is at rest, and the new loop starts from where it stands.
+    fn change_seats(&mut self, now: Timestamp) {
+        if self.is_leaving || self.seat.side.fault().is_some() || self.discarded.slots() == 0 {
+            return;
+        }
+        let Some(mut seat) = self.next.take() else {
+            return;
+        };
+        seat.take(now);
+        let left = std::mem::replace(&mut self.seat, seat);
+        self.discard(left);
+        self.brake = None;
+    }
+
+    fn discard(&mut self, seat: Box<Seat>) {
+        // Room was checked before the seat was taken; dropping it here would free memory within the tick.
+        let _ = self.discarded.push(seat);
+    }
+}

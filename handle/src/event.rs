@@ -1,0 +1,202 @@
+//! What happens to a handle, for people and for whoever watches over it.
+
+use std::fmt;
+
+use teleclay_proto::{NodeName, Scheme, SessionId};
+
+use crate::status::Status;
+
+/// Something worth telling.
+#[derive(Clone, Debug)]
+pub enum Event {
+    /// No server answers; asking goes on.
+    Waiting {
+        /// The session asked for.
+        session: SessionId,
+        /// Servers that are there, but know nothing of it.
+        nodes: Vec<NodeName>,
+    },
+    /// A lease is held.
+    Joined {
+        /// The server.
+        node: NodeName,
+        /// The session.
+        session: SessionId,
+        /// The tool.
+        tool: u32,
+        /// The lease.
+        lease: u32,
+        /// The law that couples the two sides.
+        scheme: Scheme,
+        /// Time since contact was lost, s, when a lease was held before.
+        after_s: Option<f64>,
+    },
+    /// The 1 kHz thread runs.
+    Ticking {
+        /// The device that it drives.
+        device: String,
+        /// Length of a tick, s.
+        tick_s: f64,
+        /// What the scheduler granted.
+        scheduler: String,
+    },
+    /// Frames of the tool side come, and the hand feels them.
+    Live {
+        /// The lease.
+        lease: u32,
+        /// How long there had been none, s, when there were some before under this lease.
+        after_s: Option<f64>,
+    },
+    /// No frame for longer than the allowed silence.
+    Silent {
+        /// The allowed silence, s.
+        silence_s: f64,
+    },
+    /// The session is paused.
+    Paused,
+    /// The tool side is in fault.
+    SessionFault,
+    /// The operator has finished another round and asks for fresh clay.
+    RoundFinished {
+        /// Rounds so far.
+        rounds: u64,
+    },
+    /// The clay is fresh.
+    FreshClay {
+        /// Which block.
+        epoch: u32,
+    },
+    /// The clay stays as it is.
+    NoFreshClay {
+        /// Why.
+        reason: String,
+    },
+    /// How it goes, once a second.
+    Status(Box<Status>),
+}
+
+/// How much an event matters.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Weight {
+    /// Somebody may want to do something about it.
+    Warning,
+    /// Good to know.
+    Notice,
+    /// For the curious.
+    Detail,
+}
+
+impl Event {
+    /// How much it matters.
+    pub fn weight(&self) -> Weight {
+        match self {
+            Self::Waiting { .. }
+            | Self::Silent { .. }
+            | Self::SessionFault
+            | Self::NoFreshClay { .. } => Weight::Warning,
+            Self::Joined { .. } | Self::Ticking { .. } | Self::Paused | Self::FreshClay { .. } => {
+                Weight::Notice
+            }
+            Self::Live { after_s, .. } if after_s.is_some() => Weight::Notice,
+            Self::Live { .. } | Self::RoundFinished { .. } | Self::Status(_) => Weight::Detail,
+        }
+    }
+}
+
+impl fmt::Display for Event {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Waiting { session, nodes } if nodes.is_empty() => {
+                write!(
+                    f,
+                    "no server answers for session `{session}` yet; asking until one does"
+                )
+            }
+            Self::Waiting { session, nodes } => {
+                let nodes: Vec<&str> = nodes.iter().map(NodeName::as_str).collect();
+                let nodes = nodes.join(", ");
+                write!(
+                    f,
+                    "no answer for session `{session}` yet, though {nodes} is there; asking until one comes"
+                )
+            }
+            Self::Joined {
+                node,
+                session,
+                tool,
+                lease,
+                scheme,
+                after_s,
+            } => {
+                let again = if after_s.is_some() { " again" } else { "" };
+                write!(
+                    f,
+                    "joined session `{session}` on {node}{again}: tool {tool}, lease {lease}, scheme {scheme}"
+                )?;
+                after_s.map_or(Ok(()), |after_s| {
+                    write!(f, ", {after_s:.1} s after contact was lost")
+                })
+            }
+            Self::Ticking {
+                device,
+                tick_s,
+                scheduler,
+            } => {
+                write!(
+                    f,
+                    "device {device}, a tick every {} ms, scheduler: {scheduler}",
+                    tick_s * 1e3
+                )
+            }
+            Self::Live {
+                lease,
+                after_s: None,
+            } => write!(f, "frames come under lease {lease}"),
+            Self::Live {
+                after_s: Some(after_s),
+                ..
+            } => write!(f, "frames come again, after {after_s:.2} s: force returns"),
+            Self::Silent { silence_s } => {
+                write!(
+                    f,
+                    "no frame from the server for {silence_s} s: force released, joining again"
+                )
+            }
+            Self::Paused => f.write_str("the session is paused: force released until it goes on"),
+            Self::SessionFault => {
+                f.write_str("the session is in fault: force released until its clay is reset")
+            }
+            Self::RoundFinished { rounds } => {
+                write!(f, "round {rounds} is finished: asking for fresh clay")
+            }
+            Self::FreshClay { epoch } => write!(f, "fresh clay, block {epoch}"),
+            Self::NoFreshClay { reason } => write!(f, "no fresh clay: {reason}"),
+            Self::Status(status) => write!(f, "{status}"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_say_what_happened_and_what_follows() {
+        let silent = Event::Silent { silence_s: 0.1 };
+        assert_eq!(
+            silent.to_string(),
+            "no frame from the server for 0.1 s: force released, joining again"
+        );
+        assert_eq!(silent.weight(), Weight::Warning);
+        let session = SessionId::new("demo").unwrap();
+        let waiting = |nodes| {
+            Event::Waiting {
+                session: session.clone(),
+                nodes,
+            }
+            .to_string()
+        };
+        assert!(waiting(vec![]).contains("no server answers for session `demo`"));
+        assert!(waiting(vec![NodeName::new("lab-1").unwrap()]).contains("though lab-1 is there"));
+    }
+}

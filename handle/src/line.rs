@@ -1,0 +1,175 @@
+//! What one lease needs of the network: frames up, frames down, and a sign of life.
+
+use std::io;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use rtrb::Producer;
+use teleclay_bilateral::ParameterError;
+use teleclay_link::time::Timestamp;
+use teleclay_proto::frame::ToolFrame;
+use teleclay_shell::Clock;
+use teleclay_shell::network::CONTROL_QOS;
+use zenoh::liveliness::LivelinessToken;
+use zenoh::pubsub::Subscriber;
+use zenoh::sample::Sample;
+use zenoh::{Session, Wait};
+
+use crate::join::Welcome;
+use crate::outbox::Sender;
+use crate::seat::{Arrived, Seat};
+
+/// Why a lease cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum LineError {
+    /// The parameters make no loop.
+    #[error("the server's parameters make no loop: {0}")]
+    Parameters(#[from] ParameterError),
+    /// The system has no thread to give.
+    #[error("the sending thread: {0}")]
+    Thread(#[from] io::Error),
+    /// Zenoh does not declare what is needed.
+    #[error("zenoh: {reason}")]
+    Zenoh {
+        /// In its words.
+        reason: String,
+    },
+}
+
+/// Frames that came and were of no use.
+#[derive(Debug, Default)]
+pub(crate) struct Rejected {
+    undecodable: AtomicU64,
+    foreign: AtomicU64,
+    overflowed: AtomicU64,
+}
+
+impl Rejected {
+    /// Payloads that are no frame of this version.
+    pub(crate) fn undecodable(&self) -> u64 {
+        self.undecodable.load(Ordering::Relaxed)
+    }
+
+    /// Frames under another lease.
+    pub(crate) fn foreign(&self) -> u64 {
+        self.foreign.load(Ordering::Relaxed)
+    }
+
+    /// Frames that found the tick's ring full.
+    pub(crate) fn overflowed(&self) -> u64 {
+        self.overflowed.load(Ordering::Relaxed)
+    }
+}
+
+/// The network's end of one lease. Dropping it ends the frames both ways.
+pub(crate) struct Line {
+    pub(crate) welcome: Box<Welcome>,
+    rejected: Arc<Rejected>,
+    sender: Sender,
+    _down: Subscriber<()>,
+    _presence: LivelinessToken,
+}
+
+impl Line {
+    /// Declares everything, and gives the seat for the tick.
+    ///
+    /// # Errors
+    /// The parameters make no loop, or a resource is missing.
+    pub(crate) async fn open(
+        control: &Session,
+        slow: &Session,
+        clock: Clock,
+        welcome: Box<Welcome>,
+    ) -> Result<(Self, Box<Seat>), LineError> {
+        let Welcome { keys, granted } = &*welcome;
+        let (congestion, priority, express, reliability) = CONTROL_QOS;
+        let up = control
+            .declare_publisher(keys.tool_up(granted.tool))
+            .congestion_control(congestion)
+            .priority(priority)
+            .express(express)
+            .reliability(reliability)
+            .await
+            .map_err(zenoh_error)?;
+        let (outbox, sender) = Sender::spawn(clock, move |bytes| up.put(bytes).wait().is_ok())?;
+        let (seat, arriving) = Seat::new(granted, outbox)?;
+        let rejected = Arc::new(Rejected::default());
+        let arrivals = Arrivals {
+            clock,
+            lease: granted.lease,
+            arriving,
+            rejected: Arc::clone(&rejected),
+        };
+        // Zenoh asks for a callback that any thread may call; it calls it from one at a time, and the tick never comes here.
+        let arrivals = Mutex::new(arrivals);
+        let down = control
+            .declare_subscriber(keys.tool_down(granted.tool))
+            .callback(move |sample| {
+                arrivals
+                    .lock()
+                    .unwrap_or_else(PoisonError::into_inner)
+                    .on_sample(&sample);
+            })
+            .await
+            .map_err(zenoh_error)?;
+        let presence = slow
+            .liveliness()
+            .declare_token(keys.operator(granted.lease))
+            .await
+            .map_err(zenoh_error)?;
+        Ok((
+            Self {
+                welcome,
+                rejected,
+                sender,
+                _down: down,
+                _presence: presence,
+            },
+            seat,
+        ))
+    }
+
+    /// Frames that came and were of no use.
+    pub(crate) fn rejected(&self) -> &Rejected {
+        &self.rejected
+    }
+
+    /// Frames that went out.
+    pub(crate) fn sent(&self) -> u64 {
+        self.sender.counts().sent()
+    }
+
+    /// Frames that the tick made and nobody sent: too old, or not taken by the network.
+    pub(crate) fn unsent(&self) -> u64 {
+        self.sender.counts().unsent()
+    }
+}
+
+/// Runs on Zenoh's own thread, where anything slow would hold up every session: decode, push, return.
+struct Arrivals {
+    clock: Clock,
+    lease: u32,
+    arriving: Producer<Arrived>,
+    rejected: Arc<Rejected>,
+}
+
+impl Arrivals {
+    fn on_sample(&mut self, sample: &Sample) {
+        let at = Timestamp::from_nanos(self.clock.now_ns());
+        let count = match ToolFrame::decode(&sample.payload().to_bytes()) {
+            Err(_) => &self.rejected.undecodable,
+            Ok(frame) if frame.header.lease != self.lease => &self.rejected.foreign,
+            Ok(frame) => match self.arriving.push(Arrived { at, frame }) {
+                Ok(()) => return,
+                Err(_) => &self.rejected.overflowed,
+            },
+        };
+        count.fetch_add(1, Ordering::Relaxed);
+    }
+}
+
+fn zenoh_error(error: zenoh::Error) -> LineError {
+    LineError::Zenoh {
+        reason: error.to_string(),
+    }
+}

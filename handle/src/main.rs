@@ -1,0 +1,164 @@
+//! `teleclay-handle`: see `teleclay-handle --help`.
+
+use std::io::{self, Write};
+use std::process::ExitCode;
+use std::time::Duration;
+
+use serde::Serialize;
+use teleclay_handle::arguments::Arguments;
+use teleclay_handle::event::{Event, Weight};
+use teleclay_handle::intent::Wish;
+use teleclay_handle::run::{Ending, Options, Until};
+use teleclay_handle::status::Status;
+use teleclay_handle::{device, run};
+use teleclay_shell::network;
+use tokio::signal::unix::{SignalKind, signal};
+use tokio::sync::mpsc::{self, UnboundedReceiver};
+use tokio::sync::watch;
+use tokio::time::Instant;
+use tracing::{debug, error, info, warn};
+use tracing_subscriber::EnvFilter;
+
+/// As sysexits has it, so that it differs from every end of a run.
+const USAGE: u8 = 64;
+/// Like a shell that was interrupted: for whoever cannot wait for the handle to come to rest.
+const INTERRUPTED: i32 = 130;
+
+fn main() -> ExitCode {
+    network::prepare_runtime();
+    let (arguments, wish) = match Arguments::read() {
+        Ok(read) => read,
+        Err(error) => {
+            // A terminal that is gone cannot be told.
+            let _ = error.print();
+            return if error.use_stderr() {
+                ExitCode::from(USAGE)
+            } else {
+                ExitCode::SUCCESS
+            };
+        }
+    };
+    let filter = match EnvFilter::try_new(&arguments.log) {
+        Ok(filter) => filter,
+        Err(error) => {
+            complain(&format!("--log {}: {error}", arguments.log));
+            return ExitCode::from(USAGE);
+        }
+    };
+    tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_target(false)
+        .with_writer(io::stderr)
+        .init();
+    // Zenoh has threads of its own; here are one for the run and one for the signals and what it tells.
+    let runtime = tokio::runtime::Builder::new_multi_thread()
+        .worker_threads(2)
+        .enable_all()
+        .build();
+    match runtime {
+        Ok(runtime) => runtime.block_on(hold(arguments, wish)),
+        Err(error) => {
+            error!("no runtime: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+async fn hold(arguments: Arguments, wish: Wish) -> ExitCode {
+    let (stop, stopped) = watch::channel(false);
+    let mut signals = match (
+        signal(SignalKind::interrupt()),
+        signal(SignalKind::terminate()),
+    ) {
+        (Ok(interrupt), Ok(terminate)) => [interrupt, terminate],
+        (Err(error), _) | (_, Err(error)) => {
+            error!("no signals: {error}");
+            return ExitCode::FAILURE;
+        }
+    };
+    let stop_on_signal = stop.clone();
+    tokio::spawn(async move {
+        let [interrupt, terminate] = &mut signals;
+        tokio::select! { _ = interrupt.recv() => {}, _ = terminate.recv() => {} }
+        stop_on_signal.send_replace(true);
+        tokio::select! { _ = interrupt.recv() => {}, _ = terminate.recv() => {} }
+        std::process::exit(INTERRUPTED);
+    });
+
+    let (events, told) = mpsc::unbounded_channel();
+    let teller = tokio::spawn(tell(told, arguments.json, stop));
+    let kind = arguments.device;
+    let options = Options {
+        operator: arguments.operator_name(),
+        connect: arguments.connect,
+        session: arguments.session,
+        node: arguments.node,
+        token: arguments.token,
+        device: kind.word().to_owned(),
+        open_device: Box::new(move |workplace| device::open(kind, &wish, workplace)),
+        scheduling: arguments.scheduling,
+        spin: Duration::from_micros(arguments.spin_us),
+    };
+    let until = Until {
+        stop: stopped,
+        deadline: arguments.seconds.map(|seconds| Instant::now() + seconds),
+    };
+    let Ending { summary, outcome } = run(options, until, events).await;
+    // The channel closed with the run, so the teller ends; it cannot panic.
+    let _ = teller.await;
+
+    let line = if arguments.json {
+        json("summary", &summary)
+    } else {
+        format!("{summary}\n")
+    };
+    // The exit code says how it ended even when nobody reads.
+    let _ = io::stdout().write_all(line.as_bytes());
+    match outcome {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            error!("{failure}");
+            ExitCode::from(failure.exit_code())
+        }
+    }
+}
+
+/// Puts events where they belong: status lines to stdout, the rest to the log.
+async fn tell(mut told: UnboundedReceiver<Event>, as_json: bool, stop: watch::Sender<bool>) {
+    while let Some(event) = told.recv().await {
+        match event {
+            Event::Status(status) if as_json => {
+                if io::stdout()
+                    .write_all(json("status", &status).as_bytes())
+                    .is_err()
+                {
+                    // Whoever read the lines has gone, and the handle was held for them.
+                    stop.send_replace(true);
+                }
+            }
+            event => match event.weight() {
+                Weight::Warning => warn!("{event}"),
+                Weight::Notice => info!("{event}"),
+                Weight::Detail => debug!("{event}"),
+            },
+        }
+    }
+}
+
+#[derive(Serialize)]
+struct Line<'a> {
+    kind: &'static str,
+    #[serde(flatten)]
+    status: &'a Status,
+}
+
+fn json(kind: &'static str, status: &Status) -> String {
+    let line = serde_json::to_string(&Line { kind, status })
+        .expect("a status has no maps and no values that JSON lacks");
+    line + "\n"
+}
+
+fn complain(what: &str) {
+    // A terminal that is gone cannot be told.
+    let _ = writeln!(io::stderr(), "error: {what}");
+}

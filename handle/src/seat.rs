@@ -1,0 +1,109 @@
+//! One lease as the tick holds it: the handle side of the loop, and the ends of the rings to and from the network.
+
+use rtrb::{Consumer, Producer, RingBuffer};
+use teleclay_bilateral::{HandleSide, HandleStep, ParameterError};
+use teleclay_link::time::Timestamp;
+use teleclay_operator::DeviceSample;
+use teleclay_proto::frame::ToolFrame;
+use teleclay_proto::join::Granted;
+
+use crate::outbox::Outbox;
+
+/// Frames that may wait for the tick: a quarter of a second, more than a line that was stuck delivers before it counts as silent.
+const WAITING: usize = 256;
+
+/// A frame of the tool side and when it came.
+pub(crate) struct Arrived {
+    pub(crate) at: Timestamp,
+    pub(crate) frame: ToolFrame,
+}
+
+/// What the frames of one tick told about the line.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Heard {
+    /// Round trip without the time that the tool side held the stamp, ns.
+    pub(crate) rtt_ns: Option<u64>,
+    /// From a frame's departure to the arrival of the first reaction to it, the tool side's wait for its tick included, ns.
+    pub(crate) reaction_ns: Option<u64>,
+}
+
+/// One lease.
+pub(crate) struct Seat {
+    pub(crate) lease: u32,
+    pub(crate) side: HandleSide,
+    pub(crate) ramp_s: f64,
+    outbox: Outbox,
+    inbox: Consumer<Arrived>,
+    heard_at: Timestamp,
+    newest_echo_ns: u64,
+    lost_on_the_way_out: u64,
+}
+
+impl Seat {
+    /// A handle side at rest, under the lease. Frames that arrive go into the producer.
+    ///
+    /// # Errors
+    /// The parameters make no loop.
+    pub(crate) fn new(
+        granted: &Granted,
+        outbox: Outbox,
+    ) -> Result<(Box<Self>, Producer<Arrived>), ParameterError> {
+        let (arriving, inbox) = RingBuffer::new(WAITING);
+        let seat = Self {
+            lease: granted.lease,
+            side: HandleSide::new(&granted.parameters, granted.lease)?,
+            ramp_s: granted.parameters.ramp_s,
+            outbox,
+            inbox,
+            heard_at: Timestamp::ZERO,
+            newest_echo_ns: 0,
+            lost_on_the_way_out: 0,
+        };
+        Ok((Box::new(seat), arriving))
+    }
+
+    /// The seat is taken at `now`: silence counts from here.
+    pub(crate) fn take(&mut self, now: Timestamp) {
+        self.heard_at = now;
+    }
+
+    /// Takes in what arrived.
+    pub(crate) fn listen(&mut self) -> Heard {
+        let mut heard = Heard::default();
+        while let Ok(Arrived { at, frame }) = self.inbox.pop() {
+            self.heard_at = self.heard_at.max(at);
+            self.side.on_frame(at, &frame);
+            let header = &frame.header;
+            let Some(reaction_ns) = at.as_nanos().checked_sub(header.echo_ns) else {
+                continue;
+            };
+            // The first frame that echoes a stamp is the reaction to it; later ones echo it until they hear a newer one.
+            if self.newest_echo_ns < header.echo_ns {
+                self.newest_echo_ns = header.echo_ns;
+                heard.reaction_ns = Some(reaction_ns);
+                heard.rtt_ns = reaction_ns.checked_sub(u64::from(header.echo_hold_ns));
+            }
+        }
+        heard
+    }
+
+    /// One tick of the loop.
+    pub(crate) fn step(&mut self, now: Timestamp, sample: &DeviceSample) -> HandleStep {
+        self.side.step(now, sample)
+    }
+
+    /// Hands the frame of the last step over to the network.
+    pub(crate) fn send(&mut self) {
+        self.lost_on_the_way_out += u64::from(self.outbox.push(self.side.frame()).is_err());
+    }
+
+    /// Frames that found the way out full.
+    pub(crate) fn lost_on_the_way_out(&self) -> u64 {
+        self.lost_on_the_way_out
+    }
+
+    /// Time without a frame of this lease, ns.
+    pub(crate) fn silence_ns(&self, now: Timestamp) -> u64 {
+        now.since(self.heard_at).as_nanos() as u64
+    }
+}
