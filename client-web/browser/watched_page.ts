@@ -14,7 +14,7 @@ const FLAGS = [
 ];
 
 /** The software renderer remarks on its own slowness. */
-const RENDERERS_OWN = /GL Driver Message \(OpenGL, Performance/;
+const RENDERERS_OWN = "GL Driver Message (OpenGL, Performance";
 /** While the server is away, Chromium itself logs every request that finds nobody. */
 const NOBODY_THERE = /net::ERR_(CONNECTION_REFUSED|CONNECTION_RESET|EMPTY_RESPONSE|SOCKET_NOT_CONNECTED|CONNECTION_CLOSED)/;
 
@@ -36,7 +36,7 @@ export class WatchedPage {
     page.on("console", (message) => {
       if (message.type() !== "error" && message.type() !== "warning") return;
       const text = message.text();
-      if (text.includes('GL Driver Message (OpenGL, Performance') || (this.serverIsAway && NOBODY_THERE.test(text))) return;
+      if (text.includes(RENDERERS_OWN) || (this.serverIsAway && NOBODY_THERE.test(text))) return;
       this.complaints.push(`${message.type()}: ${text} (${message.location().url})`);
     });
     page.on("pageerror", (error) => this.complaints.push(`uncaught: ${error.message}`));

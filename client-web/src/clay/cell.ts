@@ -28,22 +28,21 @@ export class Cell {
 
   /** Surface nets: the mean of the crossings on the cell's twelve edges. */
   #place(voxels: Uint8Array, at: number, x: number, y: number, z: number): void {
-    let [sx, sy, sz, n] = [0, 0, 0, 0];
-    for (let corner = 0; corner < 8; corner += 1) {
-      const [i, j, k] = [corner & 1, (corner >> 1) & 1, corner >> 2];
-      const here = voxels[at + i + ROW * j + LAYER * k] - ISOLEVEL;
-      if (i === 0) {
-        const t = crossing(here, voxels[at + 1 + ROW * j + LAYER * k] - ISOLEVEL);
-        if (t !== undefined) { sx += t; sy += j; sz += k; n += 1; }
-      }
-      if (j === 0) {
-        const t = crossing(here, voxels[at + i + ROW + LAYER * k] - ISOLEVEL);
-        if (t !== undefined) { sx += i; sy += t; sz += k; n += 1; }
-      }
-      if (k === 0) {
-        const t = crossing(here, voxels[at + i + ROW * j + LAYER] - ISOLEVEL);
-        if (t !== undefined) { sx += i; sy += j; sz += t; n += 1; }
-      }
+    let sx = 0;
+    let sy = 0;
+    let sz = 0;
+    let n = 0;
+    for (let edge = 0; edge < EDGES.length; edge += 3) {
+      const corner = EDGES[edge];
+      const axis = EDGES[edge + 2];
+      const here = voxels[at + CORNER_AT[corner]];
+      const there = voxels[at + CORNER_AT[EDGES[edge + 1]]];
+      if (ISOLEVEL < here === ISOLEVEL < there) continue;
+      const t = (here - ISOLEVEL) / (here - there);
+      sx += axis === 0 ? t : corner & 1;
+      sy += axis === 1 ? t : (corner >> 1) & 1;
+      sz += axis === 2 ? t : corner >> 2;
+      n += 1;
     }
     // Rounded before the cell's own place is added: the sum is then exact, whichever brick's coordinates it is in.
     this.#within[0] = Math.round((sx / n) * STEPS_PER_VOXEL) / STEPS_PER_VOXEL;
@@ -59,28 +58,35 @@ export class Cell {
    * narrower one would show every rounding step as a facet.
    */
   #face(voxels: Uint8Array, at: number): void {
-    for (let axis = 0; axis < 3; axis += 1) {
-      const t = this.#within[axis];
-      for (let tap = 0; tap < TAPS; tap += 1) {
-        this.#smooth[axis][tap] = (1 - t) * SMOOTH[tap + 1] + t * SMOOTH[tap];
-        this.#slope[axis][tap] = (1 - t) * SLOPE[tap + 1] + t * SLOPE[tap];
-      }
-    }
     const [smoothX, smoothY, smoothZ] = this.#smooth;
     const [slopeX, slopeY, slopeZ] = this.#slope;
-    let [gx, gy, gz] = [0, 0, 0];
+    for (let axis = 0; axis < 3; axis += 1) slide(this.#within[axis], this.#smooth[axis], this.#slope[axis]);
+    // The innermost six are written out: this is where finding a surface spends its time.
+    const [s0, s1, s2, s3, s4, s5] = smoothX;
+    const [d0, d1, d2, d3, d4, d5] = slopeX;
+    let gx = 0;
+    let gy = 0;
+    let gz = 0;
     for (let k = 0; k < TAPS; k += 1) {
+      let alongX = 0;
+      let alongY = 0;
+      let alongZ = 0;
       for (let j = 0; j < TAPS; j += 1) {
         const row = at + ROW * (j - 2) + LAYER * (k - 2) - 2;
-        let [smooth, slope] = [0, 0];
-        for (let i = 0; i < TAPS; i += 1) {
-          smooth += smoothX[i] * voxels[row + i];
-          slope += slopeX[i] * voxels[row + i];
-        }
-        gx += smoothY[j] * smoothZ[k] * slope;
-        gy += slopeY[j] * smoothZ[k] * smooth;
-        gz += smoothY[j] * slopeZ[k] * smooth;
+        const v0 = voxels[row];
+        const v1 = voxels[row + 1];
+        const v2 = voxels[row + 2];
+        const v3 = voxels[row + 3];
+        const v4 = voxels[row + 4];
+        const v5 = voxels[row + 5];
+        const smooth = s0 * v0 + s1 * v1 + s2 * v2 + s3 * v3 + s4 * v4 + s5 * v5;
+        alongX += smoothY[j] * (d0 * v0 + d1 * v1 + d2 * v2 + d3 * v3 + d4 * v4 + d5 * v5);
+        alongY += slopeY[j] * smooth;
+        alongZ += smoothY[j] * smooth;
       }
+      gx += smoothZ[k] * alongX;
+      gy += smoothZ[k] * alongY;
+      gz += slopeZ[k] * alongZ;
     }
     const length = Math.hypot(gx, gy, gz);
     const scale = length === 0 ? 0 : -1 / length;
@@ -96,7 +102,20 @@ const TAPS = 6;
 const SMOOTH = [0, 1, 4, 6, 4, 1, 0];
 const SLOPE = [0, -1, -2, 0, 2, 1, 0];
 
-/** Where the line from `a` to `b` passes zero, 0 … 1; nothing when it does not. */
-function crossing(a: number, b: number): number | undefined {
-  return a < 0 === b < 0 ? undefined : a / (a - b);
+/** The weights of a place `t` of the way from a cell's low corner to its high one. */
+function slide(t: number, smooth: Float64Array, slope: Float64Array): void {
+  for (let tap = 0; tap < TAPS; tap += 1) {
+    smooth[tap] = (1 - t) * SMOOTH[tap + 1] + t * SMOOTH[tap];
+    slope[tap] = (1 - t) * SLOPE[tap + 1] + t * SLOPE[tap];
+  }
 }
+
+/** A cell's corners, numbered with x in the lowest bit: where they lie from the first. */
+const CORNER_AT = [0, 1, ROW, ROW + 1, LAYER, LAYER + 1, LAYER + ROW, LAYER + ROW + 1];
+
+/** A cell's edges: low corner, high corner, axis. */
+const EDGES = [
+  0, 1, 0, 2, 3, 0, 4, 5, 0, 6, 7, 0,
+  0, 2, 1, 1, 3, 1, 4, 6, 1, 5, 7, 1,
+  0, 4, 2, 1, 5, 2, 2, 6, 2, 3, 7, 2,
+];

@@ -24,6 +24,8 @@ export interface BrickMesh {
 export type LowSides = readonly [boolean, boolean, boolean];
 
 const CELLS = BRICK_EDGE + 1;
+/** If every edge that a brick can own crossed the surface. */
+const MOST_QUADS = 3 * CELLS * BRICK_EDGE * BRICK_EDGE;
 const STRIDE = [1, ROW, LAYER] as const;
 /** The cell in the middle of a layer. */
 const MIDDLE = 7;
@@ -36,9 +38,11 @@ export class SurfaceFinder {
   readonly #state = new Int16Array(CELLS ** 3);
   readonly #solved = new Float32Array(6 * CELLS ** 3);
   readonly #signs = new Int8Array(BRICK_EDGE * BRICK_EDGE);
-  #positions: number[] = [];
-  #facing: number[] = [];
-  #indices: number[] = [];
+  readonly #positions = new Float32Array(3 * CELLS ** 3);
+  readonly #facing = new Int8Array(4 * CELLS ** 3);
+  readonly #indices = new Uint16Array(6 * MOST_QUADS);
+  #vertexCount = 0;
+  #indexCount = 0;
   #voxels = new Uint8Array(0);
   #corner: readonly number[] = [0, 0, 0];
 
@@ -47,16 +51,15 @@ export class SurfaceFinder {
     this.#voxels = around.voxels;
     this.#corner = corner;
     this.#state.fill(UNSOLVED);
-    this.#positions = [];
-    this.#facing = [];
-    this.#indices = [];
+    this.#vertexCount = 0;
+    this.#indexCount = 0;
     for (let axis = 0; axis < 3; axis += 1) {
       for (let layer = low[axis] ? -1 : 0; layer < BRICK_EDGE; layer += 1) this.#addLayer(axis, layer);
     }
     return {
-      positions: Float32Array.from(this.#positions),
-      facing: Int8Array.from(this.#facing),
-      indices: Uint16Array.from(this.#indices),
+      positions: this.#positions.slice(0, 3 * this.#vertexCount),
+      facing: this.#facing.slice(0, 4 * this.#vertexCount),
+      indices: this.#indices.slice(0, this.#indexCount),
     };
   }
 
@@ -64,13 +67,14 @@ export class SurfaceFinder {
   #addLayer(axis: number, layer: number): void {
     const [u, v] = [(axis + 1) % 3, (axis + 2) % 3];
     const start = ORIGIN + layer * STRIDE[axis];
-    let [ups, downs] = [0, 0];
+    const [along, across, up] = [STRIDE[u], STRIDE[v], STRIDE[axis]];
+    let ups = 0;
+    let downs = 0;
     for (let b = 0; b < BRICK_EDGE; b += 1) {
       for (let a = 0; a < BRICK_EDGE; a += 1) {
-        const at = start + a * STRIDE[u] + b * STRIDE[v];
-        const inside = ISOLEVEL < this.#voxels[at];
-        const next = ISOLEVEL < this.#voxels[at + STRIDE[axis]];
-        const sign = inside === next ? 0 : inside ? 1 : -1;
+        const at = start + a * along + b * across;
+        const inside = ISOLEVEL < this.#voxels[at] ? 1 : 0;
+        const sign = inside - (ISOLEVEL < this.#voxels[at + up] ? 1 : 0);
         this.#signs[a + BRICK_EDGE * b] = sign;
         if (0 < sign) ups += 1;
         if (sign < 0) downs += 1;
@@ -150,32 +154,35 @@ export class SurfaceFinder {
   }
 
   #addTriangle(p: number, q: number, r: number, sign: number): void {
-    if (0 < sign) this.#indices.push(p, q, r);
-    else this.#indices.push(p, r, q);
+    this.#indices[this.#indexCount] = p;
+    this.#indices[this.#indexCount + 1] = 0 < sign ? q : r;
+    this.#indices[this.#indexCount + 2] = 0 < sign ? r : q;
+    this.#indexCount += 3;
   }
 
   /** The output index of the vertex in the cell at (a, b) of a layer. */
   #vertex(face: Face, a: number, b: number): number {
     const cell = this.#solve(face, a, b);
     if (this.#state[cell] !== SOLVED) return this.#state[cell];
-    const index = this.#positions.length / 3;
+    const index = this.#vertexCount;
+    this.#vertexCount += 1;
     this.#state[cell] = index;
-    const at = 6 * cell;
-    for (let i = 0; i < 3; i += 1) this.#positions.push(this.#solved[at + i] + this.#corner[i]);
-    for (let i = 3; i < 6; i += 1) this.#facing.push(Math.round(127 * this.#solved[at + i]));
-    this.#facing.push(0);
+    for (let i = 0; i < 3; i += 1) {
+      this.#positions[3 * index + i] = this.#solved[6 * cell + i] + this.#corner[i];
+      this.#facing[4 * index + i] = Math.round(127 * this.#solved[6 * cell + 3 + i]);
+    }
     return index;
   }
 
   /** Finds the vertex of a cell unless that was done already; returns the cell's place in the working memory. */
   #solve(face: Face, a: number, b: number): number {
-    const at = [0, 0, 0];
-    at[face.axis] = face.layer;
-    at[face.u] = a;
-    at[face.v] = b;
-    const cell = at[0] + 1 + CELLS * (at[1] + 1 + CELLS * (at[2] + 1));
+    const { axis, layer } = face;
+    const x = axis === 0 ? layer : axis === 1 ? b : a;
+    const y = axis === 1 ? layer : axis === 2 ? b : a;
+    const z = axis === 2 ? layer : axis === 0 ? b : a;
+    const cell = x + 1 + CELLS * (y + 1 + CELLS * (z + 1));
     if (this.#state[cell] !== UNSOLVED) return cell;
-    this.#cell.solve(this.#voxels, at[0], at[1], at[2]);
+    this.#cell.solve(this.#voxels, x, y, z);
     this.#solved.set(this.#cell.position, 6 * cell);
     this.#solved.set(this.#cell.normal, 6 * cell + 3);
     this.#state[cell] = SOLVED;
@@ -183,7 +190,9 @@ export class SurfaceFinder {
   }
 
   #distance(p: number, q: number): number {
-    const [x, y, z] = [0, 1, 2].map((i) => this.#positions[3 * p + i] - this.#positions[3 * q + i]);
+    const x = this.#positions[3 * p] - this.#positions[3 * q];
+    const y = this.#positions[3 * p + 1] - this.#positions[3 * q + 1];
+    const z = this.#positions[3 * p + 2] - this.#positions[3 * q + 2];
     return x * x + y * y + z * z;
   }
 }
