@@ -34,5 +34,7 @@ export default defineConfig({
   test: {
     include: ["src/**/*.test.ts"],
     environment: "node",
+    // Meshes are compared edge by edge, and the machine may be busy building the rest.
+    testTimeout: 60_000,
   },
 });

@@ -6,6 +6,8 @@ const LONG_ENOUGH_MS = 1200;
 /** Above this a frame misses the display's next turn, ms; below that there is room for more pixels. */
 const TOO_SLOW_MS = 22;
 const PLENTY_MS = 17.5;
+/** What a change aims at, between the two. */
+const WANTED_MS = 19;
 /** A pause this long is a hidden page or a scene at rest, not a slow frame, ms. */
 const PAUSE_MS = 2500;
 export const COARSEST = 0.4;
@@ -43,7 +45,7 @@ export class Pace {
 
   #adapt(mean_ms: number): boolean {
     if (TOO_SLOW_MS < mean_ms && this.#coarsest < this.scale) {
-      this.scale = Math.max(this.scale * Math.max(Math.sqrt(TOO_SLOW_MS / mean_ms), 0.7), this.#coarsest);
+      this.scale = Math.max(this.scale * Math.max(Math.sqrt(WANTED_MS / mean_ms), 0.7), this.#coarsest);
       this.#patience = Math.min(this.#patience * 2, 64);
       this.#calm = 0;
       return true;
