@@ -1,0 +1,108 @@
+//! What comes in: bodies and the session's name in the path.
+
+use std::time::Duration;
+
+use axum::extract::rejection::{BytesRejection, FailedToBufferBody};
+use axum::extract::{FromRequest, FromRequestParts, Path, Request};
+use axum::http::request::Parts;
+use axum::http::{HeaderMap, header};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use teleclay_proto::SessionId;
+use teleclay_proto::http::{Validate, parse};
+use tokio::time::timeout;
+
+use super::Api;
+use super::problem::{Failure, MEDIA_TYPE, NO_SUCH_SESSION, PATH, SLOW_BODY, SYNTAX, TOO_LARGE};
+use crate::directory::Live;
+
+/// Longest body, bytes. The largest that means something, a stepped block of 64 steps, has about four thousand.
+pub(crate) const MAX_BODY: usize = 64 * 1024;
+
+/// A body of that length takes a twentieth of this on the slowest link that could carry the loop.
+const BODY_TIMEOUT: Duration = Duration::from_secs(5);
+
+/// A JSON body whose every field is in its range.
+pub(crate) struct Checked<T>(pub(crate) T);
+
+impl<S, T> FromRequest<S> for Checked<T>
+where
+    S: Send + Sync,
+    T: DeserializeOwned + Serialize + Validate,
+{
+    type Rejection = Failure;
+
+    async fn from_request(request: Request, state: &S) -> Result<Self, Failure> {
+        check_media_type(request.headers())?;
+        let body = timeout(
+            BODY_TIMEOUT,
+            axum::body::Bytes::from_request(request, state),
+        )
+        .await
+        .map_err(|_| SLOW_BODY.because(format!("waited {} s for it", BODY_TIMEOUT.as_secs())))?
+        .map_err(|rejection| incomplete(&rejection))?;
+        Ok(Self(parse(&body)?))
+    }
+}
+
+fn check_media_type(headers: &HeaderMap) -> Result<(), Failure> {
+    if let Some(encoding) = headers.get(header::CONTENT_ENCODING) {
+        return Err(
+            MEDIA_TYPE.because(format!("the Content-Encoding is {encoding:?}, wanted none"))
+        );
+    }
+    let Some(got) = headers.get(header::CONTENT_TYPE) else {
+        return Err(MEDIA_TYPE.because("there is no Content-Type, wanted application/json"));
+    };
+    let essence = got
+        .to_str()
+        .unwrap_or_default()
+        .split(';')
+        .next()
+        .unwrap_or_default()
+        .trim();
+    if essence.eq_ignore_ascii_case("application/json") {
+        return Ok(());
+    }
+    Err(MEDIA_TYPE.because(format!(
+        "the Content-Type is {got:?}, wanted application/json"
+    )))
+}
+
+fn incomplete(rejection: &BytesRejection) -> Failure {
+    match rejection {
+        BytesRejection::FailedToBufferBody(FailedToBufferBody::LengthLimitError(_)) => {
+            TOO_LARGE.because(format!("the body has more than {MAX_BODY} bytes"))
+        }
+        // The connection broke or its framing did; if anybody still listens, this is what they sent.
+        other => SYNTAX.because(other.body_text()),
+    }
+}
+
+/// The session that the path names.
+pub(crate) struct Found {
+    pub(crate) id: SessionId,
+    pub(crate) live: Live,
+}
+
+impl FromRequestParts<Api> for Found {
+    type Rejection = Failure;
+
+    async fn from_request_parts(parts: &mut Parts, api: &Api) -> Result<Self, Failure> {
+        let Path(name) = Path::<String>::from_request_parts(parts, api)
+            .await
+            .map_err(|rejection| PATH.because(rejection.body_text()))?;
+        // What is no name names no session: there is one way to say so, whatever the reason.
+        let id =
+            SessionId::new(name).map_err(|error| NO_SUCH_SESSION.because(error.to_string()))?;
+        match api.directory().session(&id) {
+            Some(live) => Ok(Self { id, live }),
+            None => Err(no_such_session(&id)),
+        }
+    }
+}
+
+/// There is no session of this name, or no longer.
+pub(crate) fn no_such_session(id: &SessionId) -> Failure {
+    NO_SUCH_SESSION.because(format!("no session is named {id}"))
+}

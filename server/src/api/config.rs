@@ -1,0 +1,25 @@
+//! What the interface is told when it starts.
+
+use std::net::SocketAddr;
+use std::time::Instant;
+
+use teleclay_proto::NodeName;
+
+/// How the interface behaves. What may be configured by people is checked by whoever reads their configuration.
+#[derive(Clone, Debug)]
+pub struct ApiConfig {
+    /// What callers must show; `None` lets everyone in who reaches the listening address, which must then be a loopback
+    /// address. To pass through a browser's WebSocket it may only have the characters of an HTTP token, RFC 9110 §5.6.2.
+    pub token: Option<String>,
+    /// Origins, such as `https://lab.example`, whose pages may use the interface besides those that the server serves
+    /// itself. Compared as they are.
+    pub allowed_origins: Vec<String>,
+    /// Where the server listens.
+    pub listen: SocketAddr,
+    /// The server's name.
+    pub node: NodeName,
+    /// The server's version.
+    pub version: String,
+    /// When the process started.
+    pub started: Instant,
+}

@@ -1,0 +1,285 @@
+//! `/metrics`, in Prometheus' text format.
+//!
+//! Every scrape writes what is true now into a recorder of its own. So a session that has ended leaves no series behind, and
+//! nothing is kept between scrapes that could grow.
+
+use axum::extract::State;
+use axum::http::header;
+use axum::response::IntoResponse;
+use metrics::{Label, Unit, counter, describe_counter, describe_gauge, gauge, with_local_recorder};
+use metrics_exporter_prometheus::PrometheusBuilder;
+use teleclay_proto::http::{Session, SessionState};
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
+
+use super::openapi::refusals;
+use super::{Api, MAX_WATCHERS};
+
+/// The media type that Prometheus asks for.
+const MEDIA_TYPE: &str = "text/plain; version=0.0.4; charset=utf-8";
+
+/// The call of this module.
+pub(crate) fn routes() -> OpenApiRouter<Api> {
+    OpenApiRouter::new().routes(routes!(metrics))
+}
+
+refusals!(MetricsRefusals:);
+
+/// Figures for Prometheus
+#[utoipa::path(
+    get, path = "/metrics", tag = "probes",
+    responses(
+        (status = 200, description = "Prometheus' text format, version 0.0.4", body = String, content_type = "text/plain"),
+        MetricsRefusals,
+    ),
+)]
+async fn metrics(State(api): State<Api>) -> impl IntoResponse {
+    ([(header::CONTENT_TYPE, MEDIA_TYPE)], render(&api))
+}
+
+fn render(api: &Api) -> String {
+    let recorder = PrometheusBuilder::new().build_recorder();
+    with_local_recorder(&recorder, || {
+        describe();
+        write_server(api);
+        for session in api.directory().sessions() {
+            write_session(&session);
+        }
+    });
+    recorder.handle().render()
+}
+
+fn write_server(api: &Api) {
+    let config = api.config();
+    let labels = [
+        ("version", config.version.clone()),
+        ("node", config.node.to_string()),
+    ];
+    gauge!("teleclay_build_info", &labels).set(1.0);
+    gauge!("teleclay_uptime_seconds").set(config.started.elapsed().as_secs_f64());
+    let readiness = api.directory().readiness();
+    gauge!("teleclay_ready").set(one_if(readiness.ready));
+    gauge!("teleclay_loop_running").set(one_if(readiness.loop_running));
+    gauge!("teleclay_zenoh_up").set(one_if(readiness.zenoh_up));
+
+    let tally = api.tally();
+    for (answered, count) in tally.answered() {
+        let labels = [
+            ("method", answered.method.to_owned()),
+            ("route", answered.route.to_string()),
+            ("status", answered.status.to_string()),
+        ];
+        counter!("teleclay_http_requests_total", &labels).absolute(count);
+    }
+    for (session, count) in tally.watchers() {
+        gauge!("teleclay_watchers", "session" => session.to_string()).set(count as f64);
+    }
+    gauge!("teleclay_watchers_limit").set(MAX_WATCHERS as f64);
+    for (reason, count) in tally.ended() {
+        counter!("teleclay_streams_ended_total", "reason" => reason).absolute(count);
+    }
+    counter!("teleclay_stream_sent_bytes_total").absolute(tally.sent_bytes());
+    counter!("teleclay_stream_dropped_samples_total").absolute(tally.dropped());
+}
+
+fn write_session(session: &Session) {
+    let name = Label::new("session", session.id.to_string());
+    let labels = || vec![name.clone()];
+    let with = |key: &'static str, value: &'static str| vec![name.clone(), Label::new(key, value)];
+
+    for (word, state) in [
+        ("idle", SessionState::Idle),
+        ("running", SessionState::Running),
+        ("paused", SessionState::Paused),
+        ("fault", SessionState::Fault),
+    ] {
+        gauge!("teleclay_session_state", with("state", word)).set(one_if(session.state == state));
+    }
+    gauge!(
+        "teleclay_session_scheme",
+        with("scheme", session.scheme.word())
+    )
+    .set(1.0);
+    let connected = session.tools.iter().filter(|tool| tool.connected).count();
+    gauge!("teleclay_operators", labels()).set(connected as f64);
+    gauge!("teleclay_coordination_metres", labels()).set(session.coordination_m);
+
+    let clay = &session.clay;
+    for (part, volume_m3) in [
+        ("initial", clay.initial_volume_m3),
+        ("remaining", clay.remaining_volume_m3),
+        ("removed", clay.removed_volume_m3),
+    ] {
+        gauge!("teleclay_clay_volume_cubic_metres", with("part", part)).set(volume_m3);
+    }
+    counter!("teleclay_clay_epoch_total", labels()).absolute(clay.epoch.into());
+
+    let control_loop = &session.control_loop;
+    gauge!("teleclay_loop_rate_hertz", labels()).set(control_loop.rate_hz);
+    counter!("teleclay_loop_ticks_total", labels()).absolute(control_loop.ticks);
+    counter!("teleclay_loop_late_ticks_total", labels()).absolute(control_loop.late_ticks);
+    let tick = control_loop.tick_s;
+    for (quantile, tick_s) in [
+        ("0.5", tick.p50),
+        ("0.99", tick.p99),
+        ("0.999", tick.p999),
+        ("1", tick.max),
+    ] {
+        gauge!("teleclay_tick_seconds", with("quantile", quantile)).set(tick_s);
+    }
+    for (name, quantiles) in [
+        ("teleclay_rtt_seconds", control_loop.rtt_s),
+        ("teleclay_frame_age_seconds", control_loop.age_s),
+    ] {
+        gauge!(name, with("quantile", "0.5")).set(quantiles.p50);
+        gauge!(name, with("quantile", "0.99")).set(quantiles.p99);
+    }
+    counter!("teleclay_frames_lost_total", labels()).absolute(control_loop.lost);
+    counter!("teleclay_frames_duplicate_total", labels()).absolute(control_loop.duplicates);
+    counter!("teleclay_frames_reordered_total", labels()).absolute(control_loop.reordered);
+    for (direction, per_s) in [
+        ("up", control_loop.packets_up_per_s),
+        ("down", control_loop.packets_down_per_s),
+    ] {
+        gauge!("teleclay_packets_per_second", with("direction", direction)).set(per_s);
+    }
+    gauge!("teleclay_link_energy_joules", labels()).set(control_loop.energy_j);
+}
+
+fn describe() {
+    for (name, unit, text) in GAUGES {
+        describe_gauge!(*name, *unit, *text);
+    }
+    for (name, text) in COUNTERS {
+        describe_counter!(*name, Unit::Count, *text);
+    }
+}
+
+/// Name, unit and meaning of each gauge.
+const GAUGES: &[(&str, Unit, &str)] = &[
+    (
+        "teleclay_build_info",
+        Unit::Count,
+        "1; the labels say what runs",
+    ),
+    (
+        "teleclay_uptime_seconds",
+        Unit::Seconds,
+        "Since the process started",
+    ),
+    (
+        "teleclay_ready",
+        Unit::Count,
+        "1 when the loop runs and Zenoh is up",
+    ),
+    (
+        "teleclay_loop_running",
+        Unit::Count,
+        "1 when the 1 kHz loop ticks",
+    ),
+    (
+        "teleclay_zenoh_up",
+        Unit::Count,
+        "1 when the Zenoh session is open",
+    ),
+    ("teleclay_watchers", Unit::Count, "Streams that are open"),
+    (
+        "teleclay_watchers_limit",
+        Unit::Count,
+        "Streams that may be open at once, of all sessions",
+    ),
+    (
+        "teleclay_session_state",
+        Unit::Count,
+        "1 for the state that the session is in",
+    ),
+    (
+        "teleclay_session_scheme",
+        Unit::Count,
+        "1 for the scheme that couples handle and tool",
+    ),
+    (
+        "teleclay_operators",
+        Unit::Count,
+        "Operators whose frames come in",
+    ),
+    (
+        "teleclay_coordination_metres",
+        Unit::Count,
+        "Greatest distance between a tool and where its handle would have it",
+    ),
+    (
+        "teleclay_clay_volume_cubic_metres",
+        Unit::Count,
+        "Volume of the clay; initial = remaining + removed",
+    ),
+    (
+        "teleclay_loop_rate_hertz",
+        Unit::Count,
+        "Ticks per second that the loop aims at",
+    ),
+    (
+        "teleclay_tick_seconds",
+        Unit::Seconds,
+        "What a tick takes to compute, since the session began",
+    ),
+    (
+        "teleclay_rtt_seconds",
+        Unit::Seconds,
+        "Round trip of the last few seconds",
+    ),
+    (
+        "teleclay_frame_age_seconds",
+        Unit::Seconds,
+        "Age of the newest frame whenever a tick used it, last few seconds",
+    ),
+    (
+        "teleclay_packets_per_second",
+        Unit::Count,
+        "Frames from handles (up) and to handles (down)",
+    ),
+    (
+        "teleclay_link_energy_joules",
+        Unit::Count,
+        "Energy that entered the link less what left it; below zero it has made energy",
+    ),
+];
+
+/// Name and meaning of each counter.
+const COUNTERS: &[(&str, &str)] = &[
+    ("teleclay_http_requests_total", "Requests answered"),
+    (
+        "teleclay_streams_ended_total",
+        "Streams that have ended, by reason",
+    ),
+    (
+        "teleclay_stream_sent_bytes_total",
+        "Bytes of messages written to streams",
+    ),
+    (
+        "teleclay_stream_dropped_samples_total",
+        "Telemetry samples that watchers were too slow for",
+    ),
+    ("teleclay_clay_epoch_total", "Fresh blocks of clay"),
+    ("teleclay_loop_ticks_total", "Ticks since the session began"),
+    (
+        "teleclay_loop_late_ticks_total",
+        "Ticks that started more than half a tick late",
+    ),
+    (
+        "teleclay_frames_lost_total",
+        "Frames from handles that never came",
+    ),
+    (
+        "teleclay_frames_duplicate_total",
+        "Frames from handles that came more than once",
+    ),
+    (
+        "teleclay_frames_reordered_total",
+        "Frames from handles that came after a later one",
+    ),
+];
+
+fn one_if(holds: bool) -> f64 {
+    f64::from(u8::from(holds))
+}

@@ -1,0 +1,228 @@
+//! HTTP, WebSocket, OpenAPI, metrics and the dashboard.
+//!
+//! | module | holds |
+//! |---|---|
+//! | [`sessions`] | the calls of `/api/v1` |
+//! | [`stream`] | the WebSocket |
+//! | [`health`], [`metrics`] | probes |
+//! | [`openapi`], [`docs`] | the description of all of it, and the page to browse it |
+//! | [`dashboard`], [`pages`] | what browsers see at `/` |
+//! | [`guard`] | host, origin and token |
+//! | [`problem`] | every way to fail |
+//! | [`body`] | what comes in, checked |
+//! | [`tally`] | what the interface counts of itself |
+//! | [`listener`] | connections: how many, how long, how much may wait in them |
+//!
+//! A request passes, from the outside in: headers for the answer, the count, a net for panics, the time limit, host and
+//! origin, and under `/api/v1` the token. Whatever fails anywhere answers with a problem.
+
+mod body;
+mod config;
+mod dashboard;
+mod docs;
+mod guard;
+mod health;
+mod listener;
+mod metrics;
+mod openapi;
+mod pages;
+mod problem;
+mod sessions;
+mod stream;
+mod tally;
+
+use std::any::Any;
+use std::sync::Arc;
+use std::time::Duration;
+
+use axum::Router;
+use axum::body::Bytes;
+use axum::extract::{DefaultBodyLimit, Request};
+use axum::http::{HeaderName, HeaderValue, header};
+use axum::middleware::{Next, from_fn, from_fn_with_state};
+use axum::response::{IntoResponse, Response};
+use tokio::sync::Semaphore;
+use tokio::time::timeout;
+use tower_http::catch_panic::CatchPanicLayer;
+use utoipa_axum::router::OpenApiRouter;
+
+use self::body::MAX_BODY;
+use self::problem::{Failure, INTERNAL, METHOD, NO_ANSWER};
+use self::tally::Tally;
+use crate::directory::Directory;
+
+pub use self::config::ApiConfig;
+pub use self::listener::{bind, serve};
+
+/// Streams that may be open at once, of all sessions: at 2 Mbit/s each, what a fast wired link carries.
+const MAX_WATCHERS: usize = 64;
+
+/// Longest wait for an answer to begin. A change waits for the loop, which takes it up within milliseconds.
+const REQUEST_TIMEOUT: Duration = Duration::from_secs(10);
+
+/// Said of every answer that does not say otherwise. An answer of the interface is no page: it loads nothing, stands in no
+/// frame and is not kept.
+const HEADERS: [(HeaderName, &str); 7] = [
+    (
+        header::CONTENT_SECURITY_POLICY,
+        "default-src 'none'; frame-ancestors 'none'",
+    ),
+    (header::CACHE_CONTROL, "no-store"),
+    (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
+    (header::X_FRAME_OPTIONS, "DENY"),
+    (header::REFERRER_POLICY, "no-referrer"),
+    (
+        HeaderName::from_static("cross-origin-opener-policy"),
+        "same-origin",
+    ),
+    (
+        HeaderName::from_static("cross-origin-resource-policy"),
+        "same-origin",
+    ),
+];
+
+/// Everything that the server answers over HTTP.
+pub fn router(directory: Directory, config: ApiConfig) -> Router {
+    let api = Api::new(directory, config);
+    let token = from_fn_with_state(api.clone(), guard::require_token);
+    let guarded = |calls: OpenApiRouter<Api>| {
+        Router::from(calls)
+            .method_not_allowed_fallback(wrong_method)
+            .layer(token.clone())
+    };
+    let router = Router::new()
+        .nest("/api/v1", guarded(calls_of_version_1()))
+        .merge(guarded(metrics::routes()))
+        .merge(Router::from(open_calls()))
+        .merge(docs::routes())
+        .merge(pages::routes())
+        .merge(dashboard::routes())
+        .method_not_allowed_fallback(wrong_method)
+        .layer(DefaultBodyLimit::max(MAX_BODY));
+    let router = match guard::cross_origin(api.config()) {
+        Some(layer) => router.layer(layer),
+        None => router,
+    };
+    // The last one stands outermost.
+    router
+        .layer(from_fn_with_state(
+            api.clone(),
+            guard::require_host_and_origin,
+        ))
+        .layer(from_fn(limit_time))
+        .layer(CatchPanicLayer::custom(explain_panic))
+        .layer(from_fn_with_state(api.clone(), tally::count))
+        .layer(from_fn(add_headers))
+        .with_state(api)
+}
+
+fn calls_of_version_1() -> OpenApiRouter<Api> {
+    OpenApiRouter::new()
+        .merge(sessions::routes())
+        .merge(stream::routes())
+}
+
+fn open_calls() -> OpenApiRouter<Api> {
+    OpenApiRouter::new()
+        .merge(health::routes())
+        .merge(openapi::routes())
+}
+
+/// What every call works on. Copies are the same.
+#[derive(Clone)]
+pub(crate) struct Api(Arc<Inner>);
+
+struct Inner {
+    directory: Directory,
+    config: ApiConfig,
+    tally: Tally,
+    watcher_places: Arc<Semaphore>,
+    /// The OpenAPI document, as it is sent.
+    document: Bytes,
+}
+
+impl Api {
+    fn new(directory: Directory, config: ApiConfig) -> Self {
+        let calls = OpenApiRouter::new()
+            .nest("/api/v1", calls_of_version_1())
+            .merge(metrics::routes())
+            .merge(open_calls())
+            .into_openapi();
+        let document = openapi::document(calls, &config.version);
+        let document = serde_json::to_vec(&document).expect("every map in it has strings as keys");
+        Self(Arc::new(Inner {
+            directory,
+            config,
+            tally: Tally::default(),
+            watcher_places: Arc::new(Semaphore::new(MAX_WATCHERS)),
+            document: document.into(),
+        }))
+    }
+
+    pub(crate) fn directory(&self) -> &Directory {
+        &self.0.directory
+    }
+
+    pub(crate) fn config(&self) -> &ApiConfig {
+        &self.0.config
+    }
+
+    pub(crate) fn tally(&self) -> &Tally {
+        &self.0.tally
+    }
+
+    pub(crate) fn watcher_places(&self) -> &Arc<Semaphore> {
+        &self.0.watcher_places
+    }
+
+    pub(crate) fn document(&self) -> &Bytes {
+        &self.0.document
+    }
+}
+
+/// Lets a change run to its end, also when who asked for it goes away meanwhile: half a change would be worse than either.
+pub(crate) async fn see_through<T: Send + 'static>(
+    change: impl Future<Output = T> + Send + 'static,
+) -> Result<T, Failure> {
+    tokio::spawn(change)
+        .await
+        .map_err(|_| INTERNAL.because("the change was broken off"))
+}
+
+async fn wrong_method(request: Request) -> Failure {
+    METHOD.because(format!(
+        "{} does not offer {}",
+        request.uri().path(),
+        request.method()
+    ))
+}
+
+async fn limit_time(request: Request, next: Next) -> Response {
+    timeout(REQUEST_TIMEOUT, next.run(request))
+        .await
+        .unwrap_or_else(|_| {
+            let waited = format!("waited {} s for it", REQUEST_TIMEOUT.as_secs());
+            NO_ANSWER.because(waited).into_response()
+        })
+}
+
+async fn add_headers(request: Request, next: Next) -> Response {
+    let mut response = next.run(request).await;
+    for (name, value) in HEADERS {
+        response
+            .headers_mut()
+            .entry(name)
+            .or_insert(HeaderValue::from_static(value));
+    }
+    response
+}
+
+fn explain_panic(panic: Box<dyn Any + Send>) -> Response {
+    let words = panic
+        .downcast_ref::<String>()
+        .map(String::as_str)
+        .or_else(|| panic.downcast_ref::<&str>().copied())
+        .unwrap_or("no words");
+    tracing::error!("a call panicked: {words}");
+    INTERNAL.because("the call broke off").into_response()
+}

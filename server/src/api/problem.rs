@@ -1,0 +1,216 @@
+//! How a call fails: RFC 9457 problem details, one catalogue for every call.
+//!
+//! Each kind of problem has a stable type `/problems/<word>` that programs may match on, a title and a status that never
+//! change, and a page at that address that explains it. The detail is what happened this time.
+
+use std::fmt;
+
+use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use teleclay_proto::http::{BodyError, FieldError, Problem};
+
+/// A kind of problem.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Kind {
+    /// Last part of its type.
+    pub(crate) word: &'static str,
+    pub(crate) title: &'static str,
+    pub(crate) status: StatusCode,
+    /// What it means and what to do, in a sentence or two.
+    pub(crate) meaning: &'static str,
+}
+
+macro_rules! kinds {
+    ($($name:ident = $status:ident $word:literal, $title:literal, $meaning:literal;)+) => {
+        $(
+            #[doc = $meaning]
+            pub(crate) const $name: Kind = Kind {
+                word: $word,
+                title: $title,
+                status: StatusCode::$status,
+                meaning: $meaning,
+            };
+        )+
+        /// Every kind of problem, in the order of its status.
+        pub(crate) const KINDS: &[Kind] = &[$($name),+];
+    };
+}
+
+kinds! {
+    SYNTAX = BAD_REQUEST "syntax", "the body is not JSON",
+        "The detail names line and column.";
+    PATH = BAD_REQUEST "path", "the path cannot be read",
+        "A part of the path is not UTF-8 once its percent signs are decoded.";
+    HOST_MISSING = BAD_REQUEST "host-missing", "the request does not say which host it is for",
+        "A request needs exactly one Host, of the form name or name:port.";
+    SUBPROTOCOL = BAD_REQUEST "subprotocol", "the subprotocol is not offered",
+        "A stream speaks teleclay.v1: name it in Sec-WebSocket-Protocol. A token may follow as bearer.<token>.";
+    HANDSHAKE = BAD_REQUEST "handshake", "the WebSocket handshake is not complete",
+        "A header that RFC 6455 asks for is missing or has another value.";
+    TOKEN = UNAUTHORIZED "token", "a token is needed",
+        "This server has a token configured. Send it as Authorization: Bearer <token>; a WebSocket from a browser, which cannot set headers, as the second subprotocol bearer.<token>.";
+    ORIGIN = FORBIDDEN "origin", "pages of this origin may not do that",
+        "A page from elsewhere asked on behalf of somebody's browser. Origins other than the server's own must be configured.";
+    NO_SUCH_PATH = NOT_FOUND "no-such-path", "nothing is here",
+        "The interface is described at /api/docs.";
+    NO_SUCH_SESSION = NOT_FOUND "no-such-session", "there is no such session",
+        "GET /api/v1/sessions lists the sessions there are.";
+    METHOD = METHOD_NOT_ALLOWED "method", "the method is not offered here",
+        "The header Allow lists those that are.";
+    SLOW_BODY = REQUEST_TIMEOUT "slow-body", "the body did not come in time",
+        "The whole body must arrive within a few seconds.";
+    SESSION_EXISTS = CONFLICT "session-exists", "a session of this name exists",
+        "Choose another id, or delete the one that exists.";
+    TOO_MANY_SESSIONS = CONFLICT "too-many-sessions", "there are as many sessions as there may be",
+        "Delete one first.";
+    TOO_LARGE = PAYLOAD_TOO_LARGE "too-large", "the body is too large",
+        "No body of this interface needs 64 KiB.";
+    MEDIA_TYPE = UNSUPPORTED_MEDIA_TYPE "media-type", "the body is of another media type",
+        "Bodies are JSON: send Content-Type: application/json and no Content-Encoding.";
+    HOST = MISDIRECTED_REQUEST "host", "this server does not go by that name",
+        "Without a token the server answers only to localhost and loopback addresses, so that no name of somebody else's can be pointed at it.";
+    FIELD = UNPROCESSABLE_ENTITY "field", "a field is not acceptable",
+        "The pointer names the field; it is unknown, missing, of another type or out of its range.";
+    UPGRADE = UPGRADE_REQUIRED "upgrade", "this is a WebSocket",
+        "Ask with Connection: upgrade and Upgrade: websocket.";
+    INTERNAL = INTERNAL_SERVER_ERROR "internal", "the server made a mistake",
+        "This is a defect of the server's. Its log says more.";
+    NOT_READY = SERVICE_UNAVAILABLE "not-ready", "the server is not ready",
+        "The loop does not run or Zenoh is not up; the detail says which.";
+    UNAVAILABLE = SERVICE_UNAVAILABLE "unavailable", "the server cannot do that now",
+        "The detail says why. Try again later.";
+    NO_ANSWER = SERVICE_UNAVAILABLE "no-answer", "the answer did not come in time",
+        "The server is overloaded, or the loop has stopped. Whether the change was made is not known.";
+    TOO_MANY_WATCHERS = SERVICE_UNAVAILABLE "too-many-watchers", "there are as many watchers as there may be",
+        "Close a stream first.";
+    BUSY = SERVICE_UNAVAILABLE "busy", "too many large answers are under way",
+        "Try again when another has ended.";
+}
+
+impl Kind {
+    /// A failure of this kind.
+    pub(crate) fn because(self, detail: impl Into<String>) -> Failure {
+        Failure::from(Problem::new(
+            self.word,
+            self.title,
+            self.status.as_u16(),
+            detail,
+        ))
+    }
+}
+
+/// Why a call is not answered as it wished.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub(crate) struct Failure {
+    problem: Box<Problem>,
+    headers: Option<Box<HeaderMap>>,
+}
+
+impl Failure {
+    /// The same failure, with a header that its status asks for.
+    pub(crate) fn with_header(mut self, name: HeaderName, value: HeaderValue) -> Self {
+        self.headers.get_or_insert_default().insert(name, value);
+        self
+    }
+
+    /// What is told of it.
+    pub(crate) fn into_problem(self) -> Problem {
+        *self.problem
+    }
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {}", self.problem.title, self.problem.detail)
+    }
+}
+
+impl From<Problem> for Failure {
+    fn from(problem: Problem) -> Self {
+        Self {
+            problem: Box::new(problem),
+            headers: None,
+        }
+    }
+}
+
+impl From<BodyError> for Failure {
+    fn from(error: BodyError) -> Self {
+        Problem::from(error).into()
+    }
+}
+
+impl From<FieldError> for Failure {
+    fn from(error: FieldError) -> Self {
+        Problem::from(error).into()
+    }
+}
+
+impl IntoResponse for Failure {
+    fn into_response(self) -> Response {
+        // Every kind has a status of the library's own; a number that is none could only be a defect here.
+        let status =
+            StatusCode::from_u16(self.problem.status).unwrap_or(StatusCode::INTERNAL_SERVER_ERROR);
+        let body = serde_json::to_vec(&self.problem).unwrap_or_default();
+        let mut response = (status, body).into_response();
+        let headers = response.headers_mut();
+        headers.insert(
+            header::CONTENT_TYPE,
+            HeaderValue::from_static(Problem::MEDIA_TYPE),
+        );
+        if status == StatusCode::SERVICE_UNAVAILABLE {
+            headers.insert(header::RETRY_AFTER, HeaderValue::from_static("1"));
+        }
+        if let Some(more) = self.headers {
+            headers.extend(*more);
+        }
+        response
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+
+    #[test]
+    fn words_are_unique_and_fit_into_an_address() {
+        let words: BTreeSet<_> = KINDS.iter().map(|kind| kind.word).collect();
+        assert_eq!(words.len(), KINDS.len());
+        for word in words {
+            assert!(
+                word.bytes()
+                    .all(|byte| byte.is_ascii_lowercase() || byte == b'-'),
+                "{word}"
+            );
+        }
+    }
+
+    /// The protocol's own conversions must land in the same catalogue.
+    #[test]
+    fn errors_of_bodies_are_in_the_catalogue() {
+        let field = Problem::from(FieldError::new("/a", "b"));
+        let syntax = Problem::from(BodyError::Syntax {
+            line: 1,
+            column: 2,
+            detail: "c".to_owned(),
+        });
+        for (problem, kind) in [(field, FIELD), (syntax, SYNTAX)] {
+            assert_eq!(problem.kind, format!("/problems/{}", kind.word));
+            assert_eq!(problem.title, kind.title);
+            assert_eq!(problem.status, kind.status.as_u16());
+        }
+    }
+
+    #[test]
+    fn a_busy_server_says_when_to_ask_again() {
+        let response = BUSY.because("four are under way").into_response();
+        assert_eq!(response.status(), 503);
+        assert_eq!(response.headers()[header::RETRY_AFTER], "1");
+        assert_eq!(
+            response.headers()[header::CONTENT_TYPE],
+            "application/problem+json"
+        );
+    }
+}

@@ -1,0 +1,152 @@
+//! Sessions: listed, made, looked at, changed, ended.
+
+use axum::Json;
+use axum::extract::State;
+use axum::http::{StatusCode, header};
+use axum::response::IntoResponse;
+use teleclay_proto::SessionId;
+use teleclay_proto::http::{ClayReset, NewSession, Session, SessionPatch};
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
+
+use super::body::{Checked, Found, no_such_session};
+use super::openapi::refusals;
+use super::problem::{
+    FIELD, Failure, MEDIA_TYPE, NO_ANSWER, NO_SUCH_SESSION, PATH, SESSION_EXISTS, SLOW_BODY,
+    SYNTAX, TOO_LARGE, TOO_MANY_SESSIONS, UNAVAILABLE,
+};
+use super::{Api, see_through};
+use crate::directory::{ChangeError, CreateError, NoSuchSession};
+
+/// The calls of this module, under `/api/v1`.
+pub(crate) fn routes() -> OpenApiRouter<Api> {
+    OpenApiRouter::new()
+        .routes(routes!(list, create))
+        .routes(routes!(show, change, delete))
+        .routes(routes!(reset))
+}
+
+/// What went wrong with a change of the session `id`.
+pub(crate) fn change_failure(error: ChangeError, id: &SessionId) -> Failure {
+    match error {
+        ChangeError::Field(error) => error.into(),
+        ChangeError::Gone => no_such_session(id),
+        ChangeError::Timeout => {
+            NO_ANSWER.because(format!("session {id} did not take the change up"))
+        }
+    }
+}
+
+refusals!(ListRefusals:);
+refusals!(CreateRefusals: SYNTAX, SLOW_BODY, SESSION_EXISTS, TOO_MANY_SESSIONS, TOO_LARGE, MEDIA_TYPE, FIELD, UNAVAILABLE);
+refusals!(FindRefusals: PATH, NO_SUCH_SESSION);
+refusals!(ChangeRefusals: SYNTAX, PATH, NO_SUCH_SESSION, SLOW_BODY, TOO_LARGE, MEDIA_TYPE, FIELD, NO_ANSWER);
+
+/// All sessions
+#[utoipa::path(
+    get, path = "/sessions", tag = "sessions",
+    responses((status = 200, description = "The sessions, by name", body = [Session]), ListRefusals),
+)]
+async fn list(State(api): State<Api>) -> Json<Vec<Session>> {
+    Json(api.directory().sessions())
+}
+
+/// A new session
+///
+/// Only `id` must be there. The session runs at once and waits for an operator to join.
+#[utoipa::path(
+    post, path = "/sessions", tag = "sessions",
+    request_body = NewSession,
+    responses(
+        (status = 201, description = "The session", body = Session, headers(("Location" = String, description = "Its path"))),
+        CreateRefusals,
+    ),
+)]
+async fn create(
+    State(api): State<Api>,
+    Checked(new): Checked<NewSession>,
+) -> Result<impl IntoResponse, Failure> {
+    let directory = api.directory().clone();
+    let session = see_through(async move { directory.create(new).await })
+        .await?
+        .map_err(|error| match error {
+            CreateError::Exists { id } => {
+                SESSION_EXISTS.because(format!("a session is named {id} already"))
+            }
+            CreateError::TooMany { most } => {
+                TOO_MANY_SESSIONS.because(format!("at most {most} run at once"))
+            }
+            CreateError::Field(error) => error.into(),
+            CreateError::Unavailable { reason } => UNAVAILABLE.because(reason),
+        })?;
+    let location = format!("/api/v1/sessions/{}", session.id);
+    Ok((
+        StatusCode::CREATED,
+        [(header::LOCATION, location)],
+        Json(session),
+    ))
+}
+
+/// One session
+#[utoipa::path(
+    get, path = "/sessions/{id}", tag = "sessions",
+    params(("id" = String, Path, description = "The session's name")),
+    responses((status = 200, description = "The session as it is", body = Session), FindRefusals),
+)]
+async fn show(found: Found) -> Json<Session> {
+    Json(found.live.state())
+}
+
+/// Change a session
+///
+/// Whatever is left out keeps its value. A scheme changes on the running loop without a step of force.
+#[utoipa::path(
+    patch, path = "/sessions/{id}", tag = "sessions",
+    params(("id" = String, Path, description = "The session's name")),
+    request_body = SessionPatch,
+    responses((status = 200, description = "The session after the change", body = Session), ChangeRefusals),
+)]
+async fn change(
+    Found { id, live }: Found,
+    Checked(patch): Checked<SessionPatch>,
+) -> Result<Json<Session>, Failure> {
+    see_through(async move { live.patch(patch).await })
+        .await?
+        .map(Json)
+        .map_err(|error| change_failure(error, &id))
+}
+
+/// End a session
+///
+/// Its operators and watchers are told; its clay is gone.
+#[utoipa::path(
+    delete, path = "/sessions/{id}", tag = "sessions",
+    params(("id" = String, Path, description = "The session's name")),
+    responses((status = 204, description = "It has ended"), FindRefusals),
+)]
+async fn delete(State(api): State<Api>, Found { id, .. }: Found) -> Result<StatusCode, Failure> {
+    let (directory, name) = (api.directory().clone(), id.clone());
+    see_through(async move { directory.delete(&name).await })
+        .await?
+        .map(|()| StatusCode::NO_CONTENT)
+        .map_err(|NoSuchSession { .. }| no_such_session(&id))
+}
+
+/// A fresh block of clay
+///
+/// Shape and material stay what they were where they are left out.
+#[utoipa::path(
+    post, path = "/sessions/{id}/clay/reset", tag = "clay",
+    params(("id" = String, Path, description = "The session's name")),
+    request_body = ClayReset,
+    responses((status = 200, description = "The session with its fresh block", body = Session), ChangeRefusals),
+)]
+async fn reset(
+    Found { id, live }: Found,
+    Checked(reset): Checked<ClayReset>,
+) -> Result<Json<Session>, Failure> {
+    see_through(async move { live.reset(reset).await })
+        .await?
+        .map(Json)
+        .map_err(|error| change_failure(error, &id))
+}

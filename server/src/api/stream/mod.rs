@@ -1,0 +1,122 @@
+//! `/sessions/{id}/stream`: a session as it happens, over one WebSocket with the subprotocol `teleclay.v1`.
+//!
+//! | part | does |
+//! |---|---|
+//! | this file | the handshake: who may watch, and how many |
+//! | [`watcher`] | one open socket: what is sent when, what is answered, how it ends |
+//! | [`bricks`] | which bricks a watcher still lacks |
+//! | [`telemetry`] | samples into batches |
+//! | [`budget`] | what a watcher may cost |
+//!
+//! Nothing queues for a watcher. Telemetry waits in a ring of fixed length that forgets its oldest, bricks wait in the clay
+//! itself, state is read when it is sent, and one message at a time is on its way.
+
+mod bricks;
+mod budget;
+mod telemetry;
+mod watcher;
+
+use std::sync::Arc;
+
+use axum::extract::State;
+use axum::extract::WebSocketUpgrade;
+use axum::extract::ws::rejection::WebSocketUpgradeRejection;
+use axum::http::{HeaderMap, HeaderValue, header};
+use axum::response::Response;
+use teleclay_proto::SUBPROTOCOL;
+use teleclay_proto::watch::MAX_MESSAGE;
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
+
+use self::watcher::Watcher;
+use super::body::Found;
+use super::guard::subprotocols;
+use super::openapi::refusals;
+use super::problem::{
+    Failure, HANDSHAKE, NO_SUCH_SESSION, PATH, SUBPROTOCOL as NO_SUBPROTOCOL, TOO_MANY_WATCHERS,
+    UPGRADE,
+};
+use super::tally::Watching;
+use super::{Api, MAX_WATCHERS};
+
+/// Longest message from a watcher, bytes. The longest that means something is a fresh stepped block.
+const MAX_INCOMING: usize = 16 * 1024;
+
+/// Read buffer of a socket: watchers say little.
+const READ_BUFFER: usize = 8 * 1024;
+
+/// Above this the socket is written to; a message is flushed anyway.
+const WRITE_BUFFER: usize = 16 * 1024;
+
+/// The call of this module, under `/api/v1`.
+pub(crate) fn routes() -> OpenApiRouter<Api> {
+    OpenApiRouter::new().routes(routes!(watch))
+}
+
+refusals!(WatchRefusals: HANDSHAKE, NO_SUBPROTOCOL, PATH, NO_SUCH_SESSION, UPGRADE, TOO_MANY_WATCHERS);
+
+/// Watch a session, and change it, over a WebSocket
+///
+/// Ask for the subprotocol `teleclay.v1`. Text messages are JSON: `ServerText` from the server, `ClientText` to it, at most
+/// 16 KiB. Binary messages are bricks of the clay and batches of telemetry. The server says `hello`, then tells the state
+/// several times a second; bricks and telemetry come once a `subscribe` asks for them. A message that is not acceptable is
+/// answered with a `problem` and nothing of it is done.
+///
+/// A watcher costs at most 2 Mbit/s. One that reads slowly gets merged bricks and loses old telemetry, which is counted.
+/// The server closes with 4404 when the session has ended, with 4408 when a message could not be handed over within ten
+/// seconds, with 1009 when a message is too long, with 1002 or 1007 when one breaks the protocol.
+#[utoipa::path(
+    get, path = "/sessions/{id}/stream", tag = "watching",
+    params(
+        ("id" = String, Path, description = "The session's name"),
+        ("Sec-WebSocket-Protocol" = String, Header, description = "teleclay.v1, and bearer.<token> where a token is needed"),
+    ),
+    responses((status = 101, description = "The socket is open"), WatchRefusals),
+)]
+async fn watch(
+    State(api): State<Api>,
+    Found { id, live }: Found,
+    headers: HeaderMap,
+    upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
+) -> Result<Response, Failure> {
+    let upgrade = upgrade.map_err(|rejection| refuse_handshake(&rejection))?;
+    if !subprotocols(&headers).any(|offered| offered == SUBPROTOCOL) {
+        return Err(NO_SUBPROTOCOL.because(format!(
+            "Sec-WebSocket-Protocol does not name {SUBPROTOCOL}"
+        )));
+    }
+    let place = Arc::clone(api.watcher_places())
+        .try_acquire_owned()
+        .map_err(|_| {
+            TOO_MANY_WATCHERS.because(format!("at most {MAX_WATCHERS} streams are open at once"))
+        })?;
+    let watching = Watching::begin(api.clone(), id.clone());
+    Ok(upgrade
+        .protocols([SUBPROTOCOL])
+        .max_message_size(MAX_INCOMING)
+        .max_frame_size(MAX_INCOMING)
+        .read_buffer_size(READ_BUFFER)
+        .write_buffer_size(WRITE_BUFFER)
+        .max_write_buffer_size(WRITE_BUFFER + 2 * MAX_MESSAGE)
+        .on_upgrade(async move |socket| {
+            let end = Watcher::new(api.clone(), id.clone(), live)
+                .serve(socket)
+                .await;
+            tracing::debug!(session = %id, reason = end.word(), "stream ended");
+            api.tally().count_ended(end.word());
+            drop((watching, place));
+        }))
+}
+
+fn refuse_handshake(rejection: &WebSocketUpgradeRejection) -> Failure {
+    use WebSocketUpgradeRejection as Rejection;
+    let detail = rejection.body_text();
+    match rejection {
+        Rejection::InvalidConnectionHeader(_)
+        | Rejection::InvalidUpgradeHeader(_)
+        | Rejection::ConnectionNotUpgradable(_) => UPGRADE
+            .because(detail)
+            .with_header(header::UPGRADE, HeaderValue::from_static("websocket")),
+        _ => HANDSHAKE.because(detail),
+    }
+}
