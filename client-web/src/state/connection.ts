@@ -22,9 +22,12 @@ export interface StreamHandlers {
 /** First pause after a failure; it doubles up to the longest. Each is drawn from its upper half, so that many pages do not return at once. */
 const FIRST_PAUSE_MS = 250;
 const LONGEST_PAUSE_MS = 4000;
-/** State comes several times a second; this long without a word, and the server is as good as away. */
-const SILENCE_MS = 3000;
 const PING_EVERY_MS = 1000;
+/**
+ * State comes several times a second; after this many pings in a row without a word the server is as good as away. Counted,
+ * not timed: a page that was itself too busy to listen finds the words waiting when it is back.
+ */
+const SILENT_PINGS = 3;
 /** Looks for a session this often while there is none. */
 const SEARCH_EVERY_MS = 1500;
 
@@ -41,7 +44,7 @@ export class Connection {
   /** Counts attempts, so that what an abandoned one still brings is ignored. */
   #turn = 0;
   #cancel: () => void = () => undefined;
-  #heard_ms = 0;
+  #silent = 0;
   #nonce = 0;
   #pinged_ms = 0;
 
@@ -112,7 +115,7 @@ export class Connection {
 
   #connect(session: string, turn: number): void {
     const current = (): boolean => turn === this.#turn;
-    this.#heard_ms = this.#platform.now_ms();
+    this.#silent = 0;
     this.#socket = this.#platform.connect(`${API}/sessions/${encodeURIComponent(session)}/stream`, SUBPROTOCOL, {
       onOpen: () => {
         if (!current()) return;
@@ -139,13 +142,14 @@ export class Connection {
   }
 
   #hear(): void {
-    this.#heard_ms = this.#platform.now_ms();
+    this.#silent = 0;
   }
 
   /** Asks for a sign of life every second; a socket can stay open long after the server behind it has stopped. */
   #watch(): void {
     this.#cancel = this.#platform.after(PING_EVERY_MS, () => {
-      if (SILENCE_MS < this.#platform.now_ms() - this.#heard_ms) {
+      this.#silent += 1;
+      if (SILENT_PINGS < this.#silent) {
         this.#pause();
         return;
       }
