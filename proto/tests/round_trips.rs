@@ -4,8 +4,8 @@ use proptest::array::uniform3;
 use proptest::collection::vec;
 use proptest::prelude::*;
 use teleclay_proto::frame::{
-    Engagement, HandleFrame, Header, LoopStatus, MAX_FRAME, MAX_SWEEPS, SweepRecord, SweepRefusal,
-    Sweeps, SweepsFull, ToolFrame,
+    CopyState, Engagement, HandleFrame, Header, LoopStatus, MAX_FRAME, MAX_SWEEPS, SweepRecord,
+    SweepRefusal, Sweeps, SweepsFull, ToolFrame,
 };
 use teleclay_proto::watch::{
     BRICK_VOXELS, BrickBody, BrickContent, BricksHeader, BricksView, BricksWriter, MAX_PACKED,
@@ -52,20 +52,17 @@ fn any_vectors<const N: usize>() -> impl Strategy<Value = [[f64; 3]; N]> {
 
 fn any_handle_frame() -> impl Strategy<Value = HandleFrame> {
     let engagement = 0..Engagement::ALL.len();
-    let sweeps = (any::<u32>(), vec(any_sweep(), 0..=MAX_SWEEPS));
+    let copy = (0..CopyState::ALL.len(), any::<u32>());
     (
         any_header(),
         engagement,
         any_vectors::<7>(),
         any::<u64>(),
-        sweeps,
+        copy,
+        any_sweeps(),
     )
         .prop_map(
-            |(header, engagement, vectors, clay_hash, (oldest, records))| {
-                let mut sweeps = Sweeps::new(oldest);
-                for record in records {
-                    sweeps.push(record).expect("no more than fit");
-                }
+            |(header, engagement, vectors, clay_hash, (copy, relayed_acknowledged), sweeps)| {
                 let [
                     position_m,
                     velocity_m_s,
@@ -86,10 +83,22 @@ fn any_handle_frame() -> impl Strategy<Value = HandleFrame> {
                     wave_integral,
                     energy_in_j,
                     clay_hash,
+                    relayed_acknowledged,
+                    copy: CopyState::ALL[copy],
                     sweeps,
                 }
             },
         )
+}
+
+fn any_sweeps() -> impl Strategy<Value = Sweeps> {
+    (any::<u32>(), vec(any_sweep(), 0..=MAX_SWEEPS)).prop_map(|(oldest, records)| {
+        let mut sweeps = Sweeps::new(oldest);
+        for record in records {
+            sweeps.push(record).expect("no more than fit");
+        }
+        sweeps
+    })
 }
 
 fn any_tool_frame() -> impl Strategy<Value = ToolFrame> {
@@ -100,6 +109,7 @@ fn any_tool_frame() -> impl Strategy<Value = ToolFrame> {
         any_vectors::<6>(),
         any::<[u64; 2]>(),
         any::<[u32; 2]>(),
+        any_sweeps(),
     )
         .prop_map(
             |(
@@ -108,6 +118,7 @@ fn any_tool_frame() -> impl Strategy<Value = ToolFrame> {
                 vectors,
                 [area, clay_hash],
                 [sweeps_acknowledged, sweeps_refused],
+                relayed,
             )| {
                 let [
                     position_m,
@@ -131,6 +142,7 @@ fn any_tool_frame() -> impl Strategy<Value = ToolFrame> {
                     sweeps_acknowledged,
                     sweeps_refused,
                     clay_hash,
+                    relayed,
                 }
             },
         )
@@ -187,7 +199,7 @@ proptest! {
     fn handle_frames(frame in any_handle_frame()) {
         let mut buffer = [0xaa; MAX_FRAME];
         let bytes = frame.encode(&mut buffer).to_vec();
-        prop_assert_eq!(bytes.len(), 224 + 28 * frame.sweeps.len());
+        prop_assert_eq!(bytes.len(), 232 + 28 * frame.sweeps.len());
         let decoded = HandleFrame::decode(&bytes).expect("it was encoded");
         // NaN is not equal to itself, so the bytes are compared, and field by field what a swap would show in.
         prop_assert_eq!(decoded.encode(&mut buffer), bytes);
@@ -202,7 +214,7 @@ proptest! {
     fn tool_frames(frame in any_tool_frame()) {
         let mut buffer = [0xaa; MAX_FRAME];
         let bytes = frame.encode(&mut buffer).to_vec();
-        prop_assert_eq!(bytes.len(), 216);
+        prop_assert_eq!(bytes.len(), 224 + 28 * frame.relayed.len());
         let decoded = ToolFrame::decode(&bytes).expect("it was encoded");
         prop_assert_eq!(decoded.encode(&mut buffer), bytes);
         prop_assert_eq!(decoded.header, frame.header);
@@ -352,7 +364,7 @@ fn a_list_of_sweeps_takes_24_and_no_more() {
         sweeps,
         ..HandleFrame::default()
     };
-    assert_eq!(frame.encode(&mut buffer).len(), 224);
+    assert_eq!(frame.encode(&mut buffer).len(), 232);
 }
 
 #[test]
@@ -368,7 +380,7 @@ fn the_longest_frame_fills_the_buffer() {
         .is_ok()
     {}
     assert_eq!(frame.encode(&mut [0; MAX_FRAME]).len(), MAX_FRAME);
-    assert_eq!(MAX_FRAME, 896);
+    assert_eq!(MAX_FRAME, 904);
 }
 
 #[test]

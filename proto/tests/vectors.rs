@@ -226,7 +226,8 @@ fn a_handle_frame_laid_out_by_hand() {
         "0000000000002540 0000000000002740 0000000000002940", // its integral 10.5, 11.5, 12.5
         "fca9f1d24d62503f fca9f1d24d62603f fa7e6abc7493683f", // energy 0.001, 0.002, 0.003
         "1032547698badcfe",                                   // clay hash fedcba9876543210
-        "feffffff 03 000000",                                 // oldest 2^32 - 2, three sweeps
+        "51525354 02 000000", // relayed sweeps acknowledged, a stale copy
+        "feffffff 03 000000", // oldest 2^32 - 2, three sweeps
         "feffffff 00000000 01000000 ffffffff 00000080 ffffff7f 01020304",
         "ffffffff 02000000 03000000 04000000 05000000 06000000 07000000",
         "00000000 feffffff fdffffff fcffffff fbffffff faffffff f9ffffff",
@@ -252,6 +253,8 @@ fn a_tool_frame_laid_out_by_hand() {
         "fca9f1d24d62503f fca9f1d24d62603f fa7e6abc7493683f", // energy 0.001, 0.002, 0.003
         "2d431cebe2361a3f 1032547698badcfe",                  // 1e-4 m2, clay hash
         "41424344 45464748 02 00000000000000",                // acknowledged, refused, too_fast
+        "08000000 01 000000",                                 // oldest 8, one relayed sweep
+        "09000000 02000000 03000000 04000000 feffffff fdffffff fcffffff",
     ];
     assert_eq!(
         list(&file("tool_frames.json"), "cases")[1]["hex"],

@@ -1,12 +1,28 @@
 //! The frame that goes up: what the hand does.
 
-use super::{Header, KIND_HANDLE, MAX_FRAME, Sweeps, header};
+use super::{Header, KIND_HANDLE, MAX_FRAME, Sweeps, header, sweeps};
 use crate::FrameError;
 use crate::bytes::{Reader, Writer};
 use crate::word::words;
 
 /// Bytes before the first sweep.
-pub(super) const FIXED: usize = header::LENGTH + 7 * 24 + 16;
+pub(super) const FIXED: usize = header::LENGTH + 7 * 24 + 8 + 8 + sweeps::HEAD;
+
+words! {
+    /// What the handle's copy of the clay is good for.
+    #[derive(Default)]
+    pub enum CopyState: "copy state" {
+        /// There is none: the scheme needs none, or it has not come yet.
+        #[default]
+        None = 0 "none",
+        /// It is cut here at once, and the cuts are in `sweeps`.
+        Live = 1 "live",
+        /// No frame has come for too long: the copy is felt but no longer cut.
+        Stale = 2 "stale",
+        /// It was found to differ from the server's: a whole picture has been asked for.
+        Diverged = 3 "diverged",
+    }
+}
 
 words! {
     /// Whether the hand drives the tool.
@@ -22,7 +38,7 @@ words! {
     }
 }
 
-/// The frame from the handle to the tool side, one each tick. `224 + 28 n` bytes with `n` sweeps.
+/// The frame from the handle to the tool side, one each tick. `232 + 28 n` bytes with `n` sweeps.
 ///
 /// ```text
 ///   0        40           64             88              112             136    160             184
@@ -30,11 +46,11 @@ words! {
 ///   | header | position_m | velocity_m_s | hand_force_n  | felt_force_n  | wave | wave_integral | energy_in_j |
 ///   |        | f64x3      | f64x3        | f64x3         | f64x3         | f64x3| f64x3         | f64x3       |
 ///   +--------+------------+--------------+---------------+---------------+------+---------------+-------------+
-///   208         216                     220     221         224
-///   +-----------+-----------------------+-------+-----------+------------------+
-///   | clay_hash | oldest_unacknowledged | count | zero      | count x 28 bytes |
-///   |    u64    |          u32          |  u8   | u8x3      | sweeps           |
-///   +-----------+-----------------------+-------+-----------+------------------+
+///   208         216                   220    221    224                     228     229    232
+///   +-----------+---------------------+------+------+-----------------------+-------+------+------------------+
+///   | clay_hash | relayed_acknowledged| copy | zero | oldest_unacknowledged | count | zero | count x 28 bytes |
+///   |    u64    |         u32         |  u8  | u8x3 |          u32          |  u8   | u8x3 | sweeps           |
+///   +-----------+---------------------+------+------+-----------------------+-------+------+------------------+
 /// ```
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct HandleFrame {
@@ -58,6 +74,10 @@ pub struct HandleFrame {
     pub energy_in_j: [f64; 3],
     /// Hash of the handle's copy of the clay; 0 when it keeps none.
     pub clay_hash: u64,
+    /// Every relayed sweep up to this number has come; 0 when the first is missing.
+    pub relayed_acknowledged: u32,
+    /// What the handle's copy of the clay is good for.
+    pub copy: CopyState,
     /// Cuts that the server has not acknowledged.
     pub sweeps: Sweeps,
 }
@@ -76,6 +96,8 @@ impl HandleFrame {
         writer.f64x3(self.wave_integral);
         writer.f64x3(self.energy_in_j);
         writer.put(self.clay_hash.to_le_bytes());
+        writer.put(self.relayed_acknowledged.to_le_bytes());
+        writer.put([self.copy.byte(), 0, 0, 0]);
         self.sweeps.write(&mut writer);
         writer.finish()
     }
@@ -98,9 +120,17 @@ impl HandleFrame {
             wave_integral: reader.f64x3()?,
             energy_in_j: reader.f64x3()?,
             clay_hash: reader.u64()?,
+            relayed_acknowledged: reader.u32()?,
+            copy: copy_state(&mut reader)?,
             sweeps: Sweeps::read(&mut reader)?,
         };
         reader.finish()?;
         Ok(frame)
     }
+}
+
+fn copy_state(reader: &mut Reader<'_>) -> Result<CopyState, FrameError> {
+    let state = CopyState::from_byte(reader.u8()?)?;
+    reader.zeros::<3>("copy state")?;
+    Ok(state)
 }

@@ -17,7 +17,7 @@ mod header;
 mod sweeps;
 mod tool;
 
-pub use handle::{Engagement, HandleFrame};
+pub use handle::{CopyState, Engagement, HandleFrame};
 pub use header::Header;
 pub use sweeps::{MAX_SWEEPS, POSITION_UNIT_M, SweepRecord, Sweeps, SweepsFull};
 pub use tool::{LoopStatus, SweepRefusal, ToolFrame};

@@ -16,6 +16,9 @@ pub const POSITION_UNIT_M: f64 = 1.0 / 16_777_216.0;
 /// Bytes of one record.
 pub(super) const RECORD: usize = 28;
 
+/// Bytes before the first sweep.
+pub(super) const HEAD: usize = 8;
+
 const EMPTY: SweepRecord = SweepRecord {
     sequence: 0,
     from: [0; 3],
@@ -42,7 +45,7 @@ pub struct SweepRecord {
 }
 
 /// Up to [`MAX_SWEEPS`] sweeps that the server has not acknowledged yet.
-#[derive(Clone)]
+#[derive(Clone, Copy)]
 pub struct Sweeps {
     /// Number of the oldest sweep that the handle still keeps; the number the next sweep will get when it keeps none.
     pub oldest_unacknowledged: u32,

@@ -1,6 +1,6 @@
 //! The frame that comes down: what the tool meets.
 
-use super::{Header, KIND_TOOL, MAX_FRAME};
+use super::{Header, KIND_TOOL, MAX_FRAME, Sweeps};
 use crate::FrameError;
 use crate::bytes::{Reader, Writer};
 use crate::word::words;
@@ -43,7 +43,7 @@ words! {
     }
 }
 
-/// The frame from the tool side to the handle, one each tick. 216 bytes.
+/// The frame from the tool side to the handle, one each tick. `224 + 28 n` bytes with `n` relayed sweeps.
 ///
 /// ```text
 ///   0        40           64             88        112    136             160
@@ -56,6 +56,11 @@ words! {
 ///   | engaged_area_m2 | clay_hash | sweeps_acknowledged | sweeps_refused | refusal | zero    |
 ///   |       f64       |    u64    |         u32         |      u32       |   u8    | u8x7    |
 ///   +-----------------+-----------+---------------------+----------------+---------+---------+
+///   216                     220     221    224
+///   +-----------------------+-------+------+------------------+
+///   | oldest_unacknowledged | count | zero | count x 28 bytes |
+///   |          u32          |  u8   | u8x3 | relayed sweeps   |
+///   +-----------------------+-------+------+------------------+
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ToolFrame {
@@ -83,8 +88,10 @@ pub struct ToolFrame {
     pub sweeps_acknowledged: u32,
     /// How many of them were refused since joining.
     pub sweeps_refused: u32,
-    /// Hash of the server's clay.
+    /// Hash of the server's clay as of this frame; 0 while it is not known.
     pub clay_hash: u64,
+    /// Sweeps of other operators' tools, for the handle's copy of the clay.
+    pub relayed: Sweeps,
 }
 
 impl ToolFrame {
@@ -104,6 +111,7 @@ impl ToolFrame {
         writer.put(self.sweeps_acknowledged.to_le_bytes());
         writer.put(self.sweeps_refused.to_le_bytes());
         writer.put([self.refusal.byte(), 0, 0, 0, 0, 0, 0, 0]);
+        self.relayed.write(&mut writer);
         writer.finish()
     }
 
@@ -127,6 +135,7 @@ impl ToolFrame {
         let sweeps_refused = reader.u32()?;
         let refusal = SweepRefusal::from_byte(reader.u8()?)?;
         reader.zeros::<7>("refusal")?;
+        let relayed = Sweeps::read(&mut reader)?;
         reader.finish()?;
         Ok(Self {
             header,
@@ -141,6 +150,7 @@ impl ToolFrame {
             engaged_area_m2,
             sweeps_acknowledged,
             sweeps_refused,
+            relayed,
             clay_hash,
         })
     }

@@ -3,8 +3,8 @@
 use serde_json::{Value, json};
 use teleclay_proto::Scheme;
 use teleclay_proto::frame::{
-    Engagement, HandleFrame, Header, LoopStatus, MAX_FRAME, MAX_SWEEPS, SweepRecord, SweepRefusal,
-    Sweeps, ToolFrame,
+    CopyState, Engagement, HandleFrame, Header, LoopStatus, MAX_FRAME, MAX_SWEEPS, SweepRecord,
+    SweepRefusal, Sweeps, ToolFrame,
 };
 
 use super::values::{handle_frame_value, hex, tool_frame_value};
@@ -41,6 +41,8 @@ pub(super) fn handle_frames() -> Value {
         wave_integral: [10.5, 11.5, 12.5],
         energy_in_j: [1e-3, 2e-3, 3e-3],
         clay_hash: 0xfedc_ba98_7654_3210,
+        relayed_acknowledged: 0x5453_5251,
+        copy: CopyState::Stale,
         sweeps,
     };
     let mut full = Sweeps::new(1);
@@ -79,6 +81,14 @@ pub(super) fn handle_frames() -> Value {
 }
 
 pub(super) fn tool_frames() -> Value {
+    let mut relayed = Sweeps::new(8);
+    relayed
+        .push(SweepRecord {
+            sequence: 9,
+            from: [2, 3, 4],
+            to: [-2, -3, -4],
+        })
+        .expect("one fits");
     let every_field = ToolFrame {
         header: Header {
             scheme: Scheme::Wave,
@@ -96,6 +106,7 @@ pub(super) fn tool_frames() -> Value {
         sweeps_acknowledged: 0x4443_4241,
         sweeps_refused: 0x4847_4645,
         clay_hash: 0xfedc_ba98_7654_3210,
+        relayed,
     };
     let fault = ToolFrame {
         status: LoopStatus::Fault,

@@ -1,17 +1,12 @@
 //! Messages as the vectors tell them.
 
 use serde_json::{Value, json};
-use teleclay_proto::frame::{HandleFrame, Header, ToolFrame};
+use teleclay_proto::frame::{HandleFrame, Header, Sweeps, ToolFrame};
 use teleclay_proto::http::ClayHash;
 use teleclay_proto::watch::{BRICK_VOXELS, BrickBody, BricksView, Picture, TelemetryView};
 
 /// A handle frame as the vectors tell it.
 pub fn handle_frame_value(frame: &HandleFrame) -> Value {
-    let sweeps: Vec<Value> = frame
-        .sweeps
-        .iter()
-        .map(|sweep| json!({ "sequence": sweep.sequence, "from": sweep.from, "to": sweep.to }))
-        .collect();
     json!({
         "header": header_value(&frame.header),
         "engagement": frame.engagement.word(),
@@ -23,9 +18,18 @@ pub fn handle_frame_value(frame: &HandleFrame) -> Value {
         "wave_integral": floats(frame.wave_integral),
         "energy_in_j": floats(frame.energy_in_j),
         "clay_hash": ClayHash(frame.clay_hash).to_string(),
+        "relayed_acknowledged": frame.relayed_acknowledged,
+        "copy": frame.copy.word(),
         "oldest_unacknowledged": frame.sweeps.oldest_unacknowledged,
-        "sweeps": sweeps,
+        "sweeps": sweeps_value(&frame.sweeps),
     })
+}
+
+fn sweeps_value(sweeps: &Sweeps) -> Vec<Value> {
+    sweeps
+        .iter()
+        .map(|sweep| json!({ "sequence": sweep.sequence, "from": sweep.from, "to": sweep.to }))
+        .collect()
 }
 
 /// A tool frame as the vectors tell it.
@@ -44,6 +48,8 @@ pub fn tool_frame_value(frame: &ToolFrame) -> Value {
         "sweeps_acknowledged": frame.sweeps_acknowledged,
         "sweeps_refused": frame.sweeps_refused,
         "clay_hash": ClayHash(frame.clay_hash).to_string(),
+        "relayed_oldest_unacknowledged": frame.relayed.oldest_unacknowledged,
+        "relayed": sweeps_value(&frame.relayed),
     })
 }
 
