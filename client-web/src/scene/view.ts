@@ -97,6 +97,7 @@ export class ClayView {
     this.#orbit.dampingFactor = 0.12;
     this.#orbit.minDistance = 20;
     this.#orbit.maxDistance = 1500;
+    this.#orbit.listenToKeyEvents(canvas);
     this.#orbit.addEventListener("change", this.#onMove);
     this.#orbit.addEventListener("start", this.#onGrab);
     this.#scene.add(this.#stage.group, this.#clay.mesh, this.#tool.group, this.#trail.line);

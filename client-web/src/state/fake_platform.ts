@@ -70,6 +70,12 @@ export class FakePlatform implements Platform {
     return this.answer(method, path, body);
   }
 
+  /** The page is too busy to run any timer for a while; afterwards each that is due runs once. */
+  async sleep(duration_ms: number): Promise<void> {
+    this.#time_ms += duration_ms;
+    await this.pass(0);
+  }
+
   /** Lets time pass, timer by timer, and lets answers arrive in between. */
   async pass(duration_ms: number): Promise<void> {
     const end_ms = this.#time_ms + duration_ms;
@@ -78,7 +84,7 @@ export class FakePlatform implements Platform {
       const next = this.#timers.filter(({ at_ms }) => at_ms <= end_ms).sort((a, b) => a.at_ms - b.at_ms).at(0);
       if (next === undefined) break;
       this.#timers = this.#timers.filter((timer) => timer !== next);
-      this.#time_ms = next.at_ms;
+      this.#time_ms = Math.max(this.#time_ms, next.at_ms);
       next.run();
       await settled();
     }

@@ -62,6 +62,17 @@ describe("the connection", () => {
     expect(silent.closed).toBe(true);
   });
 
+  it("keeps a server that talks while the page is too busy to listen", async () => {
+    const { platform, live } = await connected([fakeSession()]);
+    const { events } = platform.lastSocket;
+    for (let n = 0; n < 5; n += 1) {
+      await platform.sleep(10_000);
+      events.onText(state(fakeSession()));
+    }
+    expect(live.isCurrent.value).toBe(true);
+    expect(platform.sockets).toHaveLength(1);
+  });
+
   it("says when there is no session, and finds the first one made", async () => {
     const platform = new FakePlatform();
     platform.answer = () => json([]);

@@ -61,7 +61,13 @@ export function ClayPanel(): JSX.Element {
 
   return (
     <section class="panel clay" aria-label="Clay">
-      <canvas ref={canvas} role="img" aria-label="The clay as it is being cut, with the tool and the forces on it" data-testid="clay" />
+      <canvas
+        ref={canvas}
+        role="img"
+        tabIndex={0}
+        aria-label="The clay as it is being cut, with the tool and the forces on it. Arrow keys move the view, with shift they turn it"
+        data-testid="clay"
+      />
       {missing.value !== undefined && <p class="missing">No 3-D picture here: {missing.value}</p>}
       <Forces />
       <SituationCard />
