@@ -8,6 +8,8 @@
 //! | [`time`] | the integer timestamps that all of it is written in |
 //! | [`conditioner`] | delay, jitter, loss, bursts, duplicates, reordering, outages, from a seed |
 //! | [`arrivals`] | what came, what is missing, what came twice; newest wins |
+//! | [`energy`] | tanks, cumulative counters, and an observer of a channel from outside |
+//! | [`playout`] | from varying delay to a constant one |
 //! | [`replica`] | cuts that arrive in any order, and corrections bounded by energy |
 //! | [`round_trip`] | round trip and clock offset from echoed stamps |
 //! | [`safety`] | input check, watchdog ramp, the one limiter that every force passes |
@@ -15,6 +17,8 @@
 
 pub mod arrivals;
 pub mod conditioner;
+pub mod energy;
+pub mod playout;
 pub mod replica;
 pub mod round_trip;
 pub mod safety;
