@@ -32,8 +32,9 @@ use blade::BladeSweep;
 const RAMP: f64 = 1.0;
 /// By how much spans are drawn generously, in voxels, beyond what rounding in single precision asks for.
 const SLACK: f64 = 0.01;
-/// Relative rounding error of single precision, with room for a handful of operations.
-const SINGLE_ERROR: f64 = 1e-6;
+/// Rounding error of a coordinate in single precision, relative to the largest that occurs: half a unit in the last place for the
+/// offset and for the sum, and as much again in reserve.
+const COORDINATE_ERROR: f64 = 2.4e-7;
 
 const EDGE: i32 = BRICK_EDGE as i32;
 /// Groups of lanes in a row of a brick.
@@ -80,10 +81,7 @@ struct Tables {
 impl Scratch {
     pub(crate) fn new() -> Self {
         Self {
-            work: WorkList {
-                groups: vec![0; ROWS * MOST_GROUPS + WorkList::BATCH].into(),
-                len: 0,
-            },
+            work: WorkList::new(),
             along: [Column {
                 brick: Brick::Empty,
                 removed: 0,
@@ -124,7 +122,7 @@ struct Way {
     from: [f64; 3],
     to: [f64; 3],
     per_metre: f64,
-    /// Bound on the rounding error of single-precision coordinates along this way, in voxels.
+    /// Bound on the rounding error of single-precision coordinates about this way, in voxels.
     rounding: f64,
 }
 
@@ -142,7 +140,7 @@ impl Way {
             from,
             to,
             per_metre,
-            rounding: far * SINGLE_ERROR,
+            rounding: far * COORDINATE_ERROR,
         }
     }
 
@@ -206,14 +204,31 @@ struct Spans {
 /// Groups of voxels to look at within the rows of bricks at one place in y and z.
 #[derive(Clone, Debug)]
 struct WorkList {
-    /// Row in the brick (16 z + y) times 256, plus the group's number along x.
-    groups: Box<[u16]>,
+    /// Row in the bricks (16 z + y) times 256, plus the group's number along x: sixteen bits each, little-endian, so that
+    /// several can be written as one word.
+    groups: Box<[u8; GROUP_BYTES * (ROWS * MOST_GROUPS + BATCH)]>,
+    /// Bytes in use.
     len: usize,
 }
 
+const GROUP_BYTES: usize = 2;
+/// Groups are written in batches of this many, counted or not.
+const BATCH: usize = 4;
+
 impl WorkList {
-    /// Groups are written in batches of this many, counted or not.
-    const BATCH: usize = 4;
+    fn new() -> Self {
+        let groups = vec![0; GROUP_BYTES * (ROWS * MOST_GROUPS + BATCH)].into_boxed_slice();
+        Self {
+            groups: groups
+                .try_into()
+                .expect("the vector has the array's length"),
+            len: 0,
+        }
+    }
+
+    fn groups(&self) -> &[[u8; GROUP_BYTES]] {
+        self.groups[..self.len].as_chunks().0
+    }
 
     /// Adds groups of several rows, the first of them `row`, each from `start` up to but not including `end`.
     #[inline(always)]
@@ -227,10 +242,10 @@ impl WorkList {
         for packed in (numbers + counts.in_upper_half()).to_array() {
             let (next, count) = (packed as u32 & 0xFFFF, (packed as u32 >> 16) as usize);
             self.write(len, next);
-            if Self::BATCH < count {
+            if BATCH < count {
                 self.write_long(len, next, count);
             }
-            len += count;
+            len += GROUP_BYTES * count;
         }
         self.len = len;
     }
@@ -243,19 +258,13 @@ impl WorkList {
         let batch = u64::from(next)
             .wrapping_mul(0x0001_0001_0001_0001)
             .wrapping_add(0x0003_0002_0001_0000);
-        let numbers = [
-            batch as u16,
-            (batch >> 16) as u16,
-            (batch >> 32) as u16,
-            (batch >> 48) as u16,
-        ];
-        self.groups[at..at + Self::BATCH].copy_from_slice(&numbers);
+        self.groups[at..at + GROUP_BYTES * BATCH].copy_from_slice(&batch.to_le_bytes());
     }
 
     #[cold]
     fn write_long(&mut self, at: usize, next: u32, count: usize) {
-        for done in (0..count).step_by(Self::BATCH) {
-            self.write(at + done, next + done as u32);
+        for done in (0..count).step_by(BATCH) {
+            self.write(at + GROUP_BYTES * done, next + done as u32);
         }
     }
 }
@@ -376,7 +385,8 @@ fn carve_groups<S: Solid>(
         along,
         tables,
     } = scratch;
-    for &item in &work.groups[..work.len] {
+    for &item in work.groups() {
+        let item = u16::from_le_bytes(item);
         let (row, group) = (usize::from(item >> 8), usize::from(item & 0xFF));
         let column = &mut along[group / BRICK_GROUPS % MOST_BRICKS];
         if column.brick == Brick::Empty {

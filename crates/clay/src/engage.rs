@@ -8,29 +8,40 @@
 //! wholly in clay has `pi r^2`, a blade its width times the depth of cut. The integral is a sum over points that are fixed in the tool, so
 //! what is summed does not depend on the speed, and a removed volume never has to be divided by a small step.
 //!
-//! `e` is read half a voxel ahead of the face along its normal ([`LOOK_AHEAD_VOXELS`]): interpolated between voxel centres and
-//! saturated, so that a face which has just cut its way reads full clay wherever between the voxels it stands, and the
-//! edge of engaged clay is found between voxels too.
+//! `e` is read where, going from a point of the face in the direction of motion, half a voxel ([`LOOK_AHEAD_VOXELS`]) lies between
+//! the place and the face: straight ahead that is half a voxel on, towards the rim of a ball some voxels. Seen along
+//! the motion, the place then covers the point it stands for, and clay that ends across the motion is measured without bias.
+//! Occupancy there is interpolated between voxel centres and saturated, so that a face which has just cut its way reads
+//! full clay wherever between the voxels it stands, and the edge of engaged clay is found between voxels too.
 
 use crate::field::{Brick, Field, SOLID};
-use crate::grid::{BRICK_EDGE, BRICK_VOXELS};
+use crate::grid::BRICK_EDGE;
+use crate::lanes::{Floats, LANES};
 use crate::pose::Pose;
 use crate::tool::{Ball, Blade, ToolShape};
 
-/// How far ahead of its faces, along their normals, a tool feels for clay, in voxels. A cut leaves the share 3/4 there; nearer,
-/// saturation could not tell it from the surface of clay that is not engaged.
+/// How far from its faces a tool feels for clay, in voxels. A cut leaves the share 3/4 there; nearer, saturation could not tell
+/// it from the surface of clay that is not engaged.
 pub const LOOK_AHEAD_VOXELS: f64 = 0.5;
 
-/// Interpolated occupancy from which on clay counts as standing ahead in full, and below which it does not count, as shares of solid. The
-/// two lie evenly about 1/2, so that a flat boundary of clay is found where it is.
+/// A flat face that slants more than this against the motion is felt nearer than [`LOOK_AHEAD_VOXELS`], so as not to reach far beyond its
+/// edge. Little of it counts.
+const LEAST_COSINE: f32 = 0.25;
+
+/// Directions whose cosine is above this share the points that are felt.
+const NEARLY_PARALLEL: f64 = 0.98;
+
+/// Interpolated occupancy from which on clay counts as standing ahead in full, and below which it does not count, as shares of
+/// solid. They lie evenly about half of what a cut leaves at [`LOOK_AHEAD_VOXELS`], so that the edge of clay which ends across the motion is
+/// found where it is; and the upper one is below the least that interpolation makes of clay ahead of a face.
 const FULL_FROM: f64 = 0.65;
-const NONE_BELOW: f64 = 1.0 - FULL_FROM;
+const NONE_BELOW: f64 = 0.10;
 
 /// Pairs of points on a ball.
-const BALL_PAIRS: usize = 256;
+const BALL_PAIRS: usize = 128;
 /// Pairs of points on the largest pair of faces of a blade, and the least on any.
-const FACE_PAIRS: usize = 512;
-const LEAST_FACE_PAIRS: usize = 64;
+const FACE_PAIRS: usize = 256;
+const LEAST_FACE_PAIRS: usize = 96;
 /// The golden ratio less one: the best known step for spreading points evenly.
 const GOLDEN: f64 = 0.618_033_988_749_894_9;
 /// Cosine and sine of the golden angle, 2 pi (1 - GOLDEN).
@@ -42,31 +53,44 @@ const GOLDEN_ANGLE: (f64, f64) = (-0.737_368_878_078_319_9, 0.675_490_294_261_52
 pub struct Tool {
     shape: ToolShape,
     middle_from_pose_m: [f64; 3],
-    pairs: Box<[FacePair]>,
+    pairs: Box<[FacePairs]>,
+    /// Radius of a ball; `None` for flat faces.
+    radius_m: Option<f64>,
 }
 
-/// Two points opposite each other through the tool's middle. Whichever way the tool moves, one of them leads and the
+/// Points, and with each the one opposite through the tool's middle. Whichever way the tool moves, one of the two leads and the
 /// other trails.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
+struct FacePairs {
+    /// From the tool's middle, along x, y, z, m.
+    offset_m: [[f32; LANES]; 3],
+    normal: [[f32; LANES]; 3],
+    area_m2: [f32; LANES],
+}
+
+/// One pair of points.
+#[derive(Clone, Copy)]
 struct FacePair {
-    offset_m: [f32; 3],
-    normal: [f32; 3],
-    area_m2: f32,
+    offset_m: [f64; 3],
+    normal: [f64; 3],
+    area_m2: f64,
 }
 
 impl Tool {
     /// Spreads points over the surface of a tool.
     #[must_use]
     pub fn new(shape: ToolShape) -> Self {
-        let pairs = match &shape {
-            ToolShape::Ball(ball) => ball_pairs(ball),
-            ToolShape::Blade(blade) => blade_pairs(blade),
+        let (pairs, radius_m) = match &shape {
+            ToolShape::Ball(ball) => (ball_pairs(ball), Some(ball.radius_m())),
+            ToolShape::Blade(blade) => (blade_pairs(blade), None),
         };
         let middle_from_pose_m = shape.middle_from_pose_m();
+        let pairs = pairs.chunks(LANES).map(FacePairs::of).collect();
         Self {
             shape,
             middle_from_pose_m,
-            pairs: pairs.into(),
+            pairs,
+            radius_m,
         }
     }
 
@@ -74,6 +98,29 @@ impl Tool {
     #[must_use]
     pub const fn shape(&self) -> &ToolShape {
         &self.shape
+    }
+}
+
+impl FacePairs {
+    /// Up to as many pairs as there are lanes; the other lanes have no area.
+    fn of(pairs: &[FacePair]) -> Self {
+        let mut lanes = Self::default();
+        for (lane, pair) in pairs.iter().enumerate() {
+            for axis in 0..3 {
+                lanes.offset_m[axis][lane] = pair.offset_m[axis] as f32;
+                lanes.normal[axis][lane] = pair.normal[axis] as f32;
+            }
+            lanes.area_m2[lane] = pair.area_m2 as f32;
+        }
+        lanes
+    }
+
+    /// Cosines of the angles between the normals and a direction.
+    #[inline(always)]
+    fn along(&self, direction: [f32; 3]) -> Floats {
+        let [x, y, z] = &self.normal;
+        let [dx, dy, dz] = direction.map(Floats::splat);
+        Floats::load(x) * dx + Floats::load(y) * dy + Floats::load(z) * dz
     }
 }
 
@@ -88,9 +135,9 @@ fn ball_pairs(ball: &Ball) -> Vec<FacePair> {
         let across = (1.0 - z * z).sqrt();
         let normal = [across * cosine, across * sine, z];
         pairs.push(FacePair {
-            offset_m: normal.map(|n| (n * radius_m) as f32),
-            normal: normal.map(|n| n as f32),
-            area_m2: area_m2 as f32,
+            offset_m: normal.map(|n| n * radius_m),
+            normal,
+            area_m2,
         });
         let (c, s) = GOLDEN_ANGLE;
         (cosine, sine) = (cosine * c - sine * s, sine * c + cosine * s);
@@ -123,15 +170,15 @@ fn blade_pairs(blade: &Blade) -> Vec<FacePair> {
             let spread = (at as f64 + 0.5) * GOLDEN;
             let spread = spread - (spread as u32) as f64;
             let mut offset_m = [0.0; 3];
-            offset_m[axis] = half_m[axis] as f32;
-            offset_m[long] = (half_m[long] * (2.0 * even - 1.0)) as f32;
-            offset_m[short] = (half_m[short] * (2.0 * spread - 1.0)) as f32;
+            offset_m[axis] = half_m[axis];
+            offset_m[long] = half_m[long] * (2.0 * even - 1.0);
+            offset_m[short] = half_m[short] * (2.0 * spread - 1.0);
             let mut normal = [0.0; 3];
             normal[axis] = 1.0;
             pairs.push(FacePair {
                 offset_m,
                 normal,
-                area_m2: (face_m2(axis) / count as f64) as f32,
+                area_m2: face_m2(axis) / count as f64,
             });
         }
     }
@@ -146,37 +193,24 @@ pub(crate) fn engaged_areas_m2(
     directions: [[f64; 3]; 2],
 ) -> [f64; 2] {
     let sampler = Sampler::new(field, tool, pose);
-    let [first, second] = directions.map(|direction| direction.map(|d| d as f32));
-    let mut areas_m2 = [0.0; 2];
-    for pair in &tool.pairs {
-        let (along_first, along_second) = (dot(pair.normal, first), dot(pair.normal, second));
-        if along_first.abs() + along_second.abs() <= 1e-6 {
-            continue;
-        }
-        let leads = along_first + along_second;
-        let engaged = sampler.engaged(pair, leads.is_sign_negative());
-        let other = if along_first * along_second < 0.0 {
-            sampler.engaged(pair, !leads.is_sign_negative())
-        } else {
-            engaged
-        };
-        for (area_m2, along) in areas_m2.iter_mut().zip([along_first, along_second]) {
-            let same = along.is_sign_negative() == leads.is_sign_negative();
-            *area_m2 +=
-                f64::from((if same { engaged } else { other }) * along.abs() * pair.area_m2);
-        }
+    let [a, b] = directions;
+    let cosine = a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    if NEARLY_PARALLEL < cosine {
+        let sum = std::array::from_fn(|axis| a[axis] + b[axis]);
+        let length = (2.0 + 2.0 * cosine).sqrt();
+        return sampler.areas_m2(tool, sum.map(|d: f64| d / length), directions);
     }
-    areas_m2
-}
-
-fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    let area_m2 = |direction: [f64; 3]| {
+        if direction == [0.0; 3] {
+            return 0.0;
+        }
+        sampler.areas_m2(tool, direction, [direction])[0]
+    };
+    [area_m2(a), area_m2(b)]
 }
 
 /// Binary places of a sample's position between voxels.
 const PLACES: u32 = 12;
-/// Adding this to a single below 1024 in magnitude leaves its value in units of `2^-12` in the low bits of the sum.
-const FIXER: f32 = 3072.0;
 /// Occupancies interpolated three times with eight binary places each.
 const INTERPOLATED_SOLID: f64 = SOLID as f64 * 16_777_216.0;
 const LOWEST: u32 = (NONE_BELOW * INTERPOLATED_SOLID) as u32;
@@ -188,104 +222,192 @@ struct Sampler<'a> {
     /// Middle of the tool, in voxels, voxel centres at whole numbers.
     middle: [f32; 3],
     per_metre: f32,
-    bricks: [usize; 2],
-    /// Voxels that storage has along each axis, less one.
-    last: [u32; 3],
+    /// Radius of curvature of the tool's faces, in voxels; `None` for flat ones.
+    radius: Option<f32>,
+    /// Where the brick beyond, and the voxel beyond, is stored along each axis.
+    brick_strides: [usize; 3],
+    /// Voxels that storage has along each axis.
+    voxels: [i32; 3],
 }
+
+const VOXEL_STRIDES: [usize; 3] = [1, BRICK_EDGE, BRICK_EDGE * BRICK_EDGE];
 
 impl<'a> Sampler<'a> {
     fn new(field: &'a Field, tool: &Tool, pose: Pose) -> Self {
         let per_metre = 1.0 / field.grid().voxel_size_m();
         let position_m = pose.position_m();
         let bricks = field.grid().bricks();
+        let [bricks_x, bricks_y, _] = bricks.map(usize::from);
         Self {
             field,
             middle: std::array::from_fn(|axis| {
                 ((position_m[axis] + tool.middle_from_pose_m[axis]) * per_metre - 0.5) as f32
             }),
             per_metre: per_metre as f32,
-            bricks: [usize::from(bricks[0]), usize::from(bricks[1])],
-            last: bricks.map(|count| u32::from(count) * BRICK_EDGE as u32 - 1),
+            radius: tool.radius_m.map(|radius_m| (radius_m * per_metre) as f32),
+            brick_strides: [1, bricks_x, bricks_x * bricks_y],
+            voxels: bricks.map(|count| i32::from(count) * BRICK_EDGE as i32),
         }
     }
 
-    /// Whether clay stands ahead of a point, or of its opposite: 0 to 1.
-    #[inline]
-    fn engaged(&self, pair: &FacePair, opposite: bool) -> f32 {
-        let sign = if opposite { -1.0 } else { 1.0 };
-        let at: [i32; 3] = std::array::from_fn(|axis| {
-            let offset =
-                pair.offset_m[axis] * self.per_metre + pair.normal[axis] * LOOK_AHEAD_VOXELS as f32;
-            let place = self.middle[axis] + sign * offset;
-            // Grids end far below 1000: a place clamped there is in air as it was before.
-            let place = if place < -1000.0 { -1000.0 } else { place };
-            let place = if 1000.0 < place { 1000.0 } else { place };
-            (place + FIXER).to_bits() as i32 - FIXER.to_bits() as i32
+    /// Engaged areas in directions close to `ahead`, the direction in which clay is felt, m².
+    #[inline(always)]
+    fn areas_m2<const N: usize>(
+        &self,
+        tool: &Tool,
+        ahead: [f64; 3],
+        directions: [[f64; 3]; N],
+    ) -> [f64; N] {
+        let ahead = ahead.map(|d| d as f32);
+        let directions = directions.map(|direction| direction.map(|d| d as f32));
+        let none = Floats::splat(0.0);
+        let (mut areas_m2, mut whole_m2) = ([none; N], none);
+        for pairs in &tool.pairs {
+            let cosine = pairs.along(ahead);
+            // A face that neither leads nor trails counts for nothing.
+            if !(cosine.abs() * Floats::load(&pairs.area_m2)).any_above_0() {
+                continue;
+            }
+            let side = cosine.where_below(none, Floats::splat(-1.0), Floats::splat(1.0));
+            let area_m2 = Floats::load(&pairs.area_m2);
+            whole_m2 = whole_m2 + cosine.abs() * area_m2;
+            let engaged = self.engaged(pairs, side, cosine.abs(), ahead) * area_m2;
+            for (area_m2, direction) in areas_m2.iter_mut().zip(directions) {
+                *area_m2 = *area_m2 + engaged * (side * pairs.along(direction)).greater(none);
+            }
+        }
+        let sum = |lanes: Floats| lanes.to_array().into_iter().map(f64::from).sum::<f64>();
+        // What a ball's points make of its disc is a little off, by as much whether clay is there or not.
+        let correction = tool.radius_m.map_or(1.0, |radius_m| {
+            std::f64::consts::PI * radius_m * radius_m / sum(whole_m2)
         });
-        let occupancy = self.interpolated(at);
-        (occupancy.max(LOWEST) - LOWEST).min(RANGE) as f32 * (1.0 / RANGE as f32)
+        areas_m2.map(|lanes| sum(lanes) * correction)
+    }
+
+    /// How much clay stands ahead, 0 to 1, of points, or of their opposites where `side` is -1.
+    #[inline(always)]
+    fn engaged(&self, pairs: &FacePairs, side: Floats, cosine: Floats, ahead: [f32; 3]) -> Floats {
+        let look_ahead = LOOK_AHEAD_VOXELS as f32;
+        let reach = match self.radius {
+            // Where the ray leaves the ball of radius r + a: s^2 + 2 r c s = 2 r a + a^2.
+            Some(radius) => {
+                let across = Floats::splat(radius) * cosine;
+                let rest = Floats::splat(look_ahead * (2.0 * radius + look_ahead));
+                (across * across + rest).sqrt() - across
+            }
+            None => Floats::splat(look_ahead) / cosine.greater(Floats::splat(LEAST_COSINE)),
+        };
+        let scale = (1 << PLACES) as f32;
+        let mut places = [[0; LANES]; 3];
+        for axis in 0..3 {
+            let offset = side * Floats::load(&pairs.offset_m[axis]) * Floats::splat(self.per_metre);
+            let place =
+                Floats::splat(self.middle[axis]) + offset + reach * Floats::splat(ahead[axis]);
+            // Grids end far below 1000: a place kept there is in air as it was before.
+            places[axis] = (place * Floats::splat(scale))
+                .nearest_within([-1000.0 * scale, 1000.0 * scale])
+                .to_array();
+        }
+        let [x, y, z] = places;
+        let mut engaged = [0.0; LANES];
+        for lane in 0..LANES {
+            let occupancy = self.interpolated([x[lane], y[lane], z[lane]]);
+            engaged[lane] = (occupancy.max(LOWEST) - LOWEST).min(RANGE) as f32;
+        }
+        Floats::from_array(engaged) * Floats::splat(1.0 / RANGE as f32)
     }
 
     /// Occupancy interpolated between the eight voxel centres about a place.
-    #[inline]
+    #[inline(always)]
     fn interpolated(&self, at: [i32; 3]) -> u32 {
-        let base = at.map(|at| at >> PLACES);
-        let share = at.map(|at| (at >> (PLACES - 8)) as u32 & 0xFF);
-        let edge = BRICK_EDGE as i32;
-        let within = (0..3)
-            .all(|axis| (base[axis] as u32) < self.last[axis] && base[axis] % edge < edge - 1);
-        if !within {
-            return self.interpolated_across_bricks(base, share);
+        let [x, y, z] = [at[0] >> PLACES, at[1] >> PLACES, at[2] >> PLACES];
+        let share = [
+            eight_places(at[0]),
+            eight_places(at[1]),
+            eight_places(at[2]),
+        ];
+        let last = BRICK_EDGE as i32 - 1;
+        let outside = (self.voxels[0] as u32 <= x as u32)
+            | (self.voxels[1] as u32 <= y as u32)
+            | (self.voxels[2] as u32 <= z as u32);
+        let astride = (x & last == last) | (y & last == last) | (z & last == last);
+        if outside | astride {
+            return self.interpolated_across_bricks([x, y, z], share);
         }
-        let [x, y, z] = base.map(|at| at as usize);
-        let brick =
-            ((z / BRICK_EDGE) * self.bricks[1] + y / BRICK_EDGE) * self.bricks[0] + x / BRICK_EDGE;
+        let [x, y, z] = [x as usize, y as usize, z as usize];
+        let [_, stride_y, stride_z] = self.brick_strides;
+        let brick = x / BRICK_EDGE + y / BRICK_EDGE * stride_y + z / BRICK_EDGE * stride_z;
         match self.field.brick(brick) {
             Brick::Empty => 0,
             Brick::Full => u32::from(SOLID) << 24,
             Brick::Slot(slot) => {
-                const ROW: usize = BRICK_EDGE;
-                const LAYER: usize = BRICK_EDGE * BRICK_EDGE;
+                const ROW: usize = VOXEL_STRIDES[1];
+                const LAYER: usize = VOXEL_STRIDES[2];
                 let (x, y, z) = (x % BRICK_EDGE, y % BRICK_EDGE, z % BRICK_EDGE);
-                let voxels: &[u8; BRICK_VOXELS] = self.field.slot(slot);
                 let first = z * LAYER + y * ROW + x;
-                let corner = &voxels[first..first + LAYER + ROW + 2];
+                let corner = &self.field.slot(slot)[first..first + LAYER + ROW + 2];
                 trilinear(
                     [
-                        0,
-                        1,
-                        ROW,
-                        ROW + 1,
-                        LAYER,
-                        LAYER + 1,
-                        LAYER + ROW,
-                        LAYER + ROW + 1,
-                    ]
-                    .map(|at| corner[at]),
+                        corner[0],
+                        corner[1],
+                        corner[ROW],
+                        corner[ROW + 1],
+                        corner[LAYER],
+                        corner[LAYER + 1],
+                        corner[LAYER + ROW],
+                        corner[LAYER + ROW + 1],
+                    ],
                     share,
                 )
             }
         }
     }
 
-    #[cold]
+    /// The same where the eight are not in one brick.
     fn interpolated_across_bricks(&self, base: [i32; 3], share: [u32; 3]) -> u32 {
-        let corners = std::array::from_fn(|corner| {
-            self.field.occupancy(std::array::from_fn(|axis| {
-                base[axis] + (corner >> axis & 1) as i32
-            }))
-        });
+        // Along each axis, for the two voxels about the place: which brick and which voxel in it; nothing outside.
+        let mut bricks = [[0; 2]; 3];
+        let mut voxels = [[0; 2]; 3];
+        let mut inside = [[true; 2]; 3];
+        for axis in 0..3 {
+            for side in 0..2 {
+                let at = base[axis] + side as i32;
+                inside[axis][side] = 0 <= at && at < self.voxels[axis];
+                let at = if inside[axis][side] { at as usize } else { 0 };
+                bricks[axis][side] = at / BRICK_EDGE * self.brick_strides[axis];
+                voxels[axis][side] = at % BRICK_EDGE * VOXEL_STRIDES[axis];
+            }
+        }
+        let mut corners = [0; 8];
+        for (corner, occupancy) in corners.iter_mut().enumerate() {
+            let [x, y, z] = [corner & 1, corner >> 1 & 1, corner >> 2];
+            if !(inside[0][x] & inside[1][y] & inside[2][z]) {
+                continue;
+            }
+            *occupancy = match self.field.brick(bricks[0][x] + bricks[1][y] + bricks[2][z]) {
+                Brick::Empty => 0,
+                Brick::Full => SOLID,
+                Brick::Slot(slot) => {
+                    self.field.slot(slot)[voxels[0][x] + voxels[1][y] + voxels[2][z]]
+                }
+            };
+        }
         trilinear(corners, share)
     }
 }
 
+/// Where a place is between two voxels, in 256ths.
+#[inline(always)]
+fn eight_places(at: i32) -> u32 {
+    (at >> (PLACES - 8)) as u32 & 0xFF
+}
+
 /// Interpolates between corners in the order x fastest, then y, then z; shares are of 256.
-#[inline]
-fn trilinear(corners: [u8; 8], share: [u32; 3]) -> u32 {
+#[inline(always)]
+fn trilinear(corners: [u8; 8], [x, y, z]: [u32; 3]) -> u32 {
     let between = |a: u32, b: u32, share: u32| a * (256 - share) + b * share;
-    let [a, b, c, d, e, f, g, h] = corners.map(u32::from);
-    let [x, y, z] = share;
-    let lower = between(between(a, b, x), between(c, d, x), y);
-    let upper = between(between(e, f, x), between(g, h, x), y);
+    let row = |first: usize| between(u32::from(corners[first]), u32::from(corners[first + 1]), x);
+    let lower = between(row(0), row(2), y);
+    let upper = between(row(4), row(6), y);
     between(lower, upper, z)
 }

@@ -71,7 +71,8 @@ mod tests {
                 for_both!(|a, b| a.greater(b));
                 for_both!(|a, _b| a.sqrt());
                 for_both!(|a, _b| a.abs());
-                for_both!(|a, b| a.where_between_0_and_1(b, a));
+                for_both!(|a, b| a / b);
+            prop_assert_eq!(arrays::Floats::from_array(a).any_above_0(), sse2::Floats::from_array(a).any_above_0());
                 for_both!(|a, b| a.where_below(b, b, a));
                 let (mut by_arrays, mut by_vectors) = ([0.0; 4], [0.0; 4]);
                 arrays::Floats::load(&a).store(&mut by_arrays);

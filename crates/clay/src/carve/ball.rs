@@ -52,7 +52,8 @@ impl BallSweep {
         let size = reach + length;
         let short_reach = reach + 0.5 * length;
         let clear = (radius - RAMP - slack).max(0.0);
-        let along_slack = SLACK * length + size * (8.0 * way.rounding + 2e-6 * size);
+        // Squares of distances are off by twice the distance times the coordinates' error, and by their own rounding.
+        let along_slack = SLACK * length + size * (6.0 * way.rounding + 1e-6 * size);
         let divisible = along_slack < step[0].abs();
         let negated = |at: [f64; 3]| at.map(|at| -at as f32);
         Self {

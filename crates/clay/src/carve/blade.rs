@@ -1,25 +1,33 @@
 //! A blade swept along a straight way: the hull of two boxes.
 //!
-//! The hull of a box and its copy moved by `m` is bounded by the box's own planes, moved apart by `|m|`, and by the planes
-//! that contain an edge direction and `m`: three normals `e x m`, one for each axis `e`. The distance outside is the greatest of the
-//! distances outside the slabs between opposite planes.
+//! The hull of a box and its copy moved by `m` is bounded by the box's own six planes, each where its box is farther out, and by the
+//! planes that contain an edge direction and `m`: three normals `e x m`, one for each axis `e`. The distance outside the hull is the greatest of
+//! the distances outside these planes, that outside a box the greatest outside its six; a voxel counts by the least of hull and boxes,
+//! which differ only outside the edges of the boxes.
 
-use super::{RAMP, SLACK, Solid, Spans, Start, Tables, Way, left_over};
-use crate::lanes::{Bytes, Floats};
+use super::{RAMP, ROWS, SLACK, Solid, Spans, Start, Tables, Way, left_over};
+use crate::lanes::{Bytes, Floats, LANES};
 use crate::tool::{Blade, ToolShape};
 
 /// The hull in voxel units, voxel centres at whole numbers.
+///
+/// Where a plane that does not advance decides, the distance is that of the box at the start to the last bit, which is what
+/// makes it exact to look only at what the blade pushes ahead of itself.
 pub(super) struct BladeSweep {
-    /// Half extents of the box, and of the hull's bounding box.
     half: [f32; 3],
-    hull_half: [f32; 3],
     /// What to add to a voxel's index to get the way to it from the middle of the box at start and end, and of the hull.
     from: [f32; 3],
     to: [f32; 3],
     middle: [f32; 3],
-    slabs: [Slab; 3],
+    /// The same for the box whose lower, and whose upper plane bounds the hull along each axis.
+    lower: [f32; 3],
+    upper: [f32; 3],
+    step: [f32; 3],
+    /// The planes askew to the axes; none for a way along an axis.
+    slabs: Option<[Slab; 3]>,
     /// Distance outside the hull from which on everything is left, and inside it from which on nothing is.
     reach: f32,
+    slack: f32,
     start: Start,
     bounds: [[i32; 2]; 3],
 }
@@ -43,19 +51,70 @@ impl BladeSweep {
         let way = way.shifted(lift);
         let step = way.step();
         let negated = |at: [f64; 3]| at.map(|at| -at as f32);
+        let (from, to) = (negated(way.from), negated(way.to));
         let slack = SLACK + 8.0 * way.rounding;
         let reach = RAMP + slack;
+        let along_axes = step.iter().filter(|&&d| d.abs() <= 0.0).count();
         Self {
             half: half.map(|half| half as f32),
-            hull_half: std::array::from_fn(|axis| (half[axis] + 0.5 * step[axis].abs()) as f32),
-            from: negated(way.from),
-            to: negated(way.to),
+            from,
+            to,
             middle: negated(way.middle()),
-            slabs: std::array::from_fn(|axis| Slab::along(axis, step, half)),
+            lower: std::array::from_fn(|axis| {
+                if step[axis] < 0.0 {
+                    to[axis]
+                } else {
+                    from[axis]
+                }
+            }),
+            upper: std::array::from_fn(|axis| {
+                if 0.0 < step[axis] {
+                    to[axis]
+                } else {
+                    from[axis]
+                }
+            }),
+            step: step.map(|d| d as f32),
+            slabs: (along_axes < 2)
+                .then(|| std::array::from_fn(|axis| Slab::along(axis, step, half))),
             reach: reach as f32,
+            slack: slack as f32,
             start,
             bounds: way.bounds(half.map(|half| half + reach)),
         }
+    }
+
+    /// Distance outside the hull's two planes across an axis.
+    #[inline(always)]
+    fn outside(&self, axis: usize, at: Floats) -> Floats {
+        let half = Floats::splat(self.half[axis]);
+        let above = at + Floats::splat(self.upper[axis]) - half;
+        let below = Floats::splat(0.0) - (at + Floats::splat(self.lower[axis])) - half;
+        above.greater(below)
+    }
+
+    /// Distances outside the planes of the box at the start across an axis: those that advance, and those that do not.
+    #[inline(always)]
+    fn advancing(&self, axis: usize, at: Floats) -> [Floats; 2] {
+        let way = at + Floats::splat(self.from[axis]);
+        let half = Floats::splat(self.half[axis]);
+        let (above, below) = (way - half, Floats::splat(0.0) - way - half);
+        if self.step[axis] < 0.0 {
+            [below, above]
+        } else if 0.0 < self.step[axis] {
+            [above, below]
+        } else {
+            [Floats::splat(f32::NEG_INFINITY), above.greater(below)]
+        }
+    }
+
+    /// Distance outside the box whose middle is at `-offset`.
+    #[inline(always)]
+    fn outside_box(&self, offset: &[f32; 3], [x, y, z]: [Floats; 3]) -> Floats {
+        let outside = |at: Floats, axis: usize| {
+            (at + Floats::splat(offset[axis])).abs() - Floats::splat(self.half[axis])
+        };
+        outside(x, 0).greater(outside(y, 1)).greater(outside(z, 2))
     }
 }
 
@@ -77,23 +136,12 @@ impl Slab {
         }
     }
 
-    /// The part of the distance along the normal that y and z make up.
+    /// Place along the normal.
     #[inline(always)]
-    fn offset(&self, y: Floats, z: Floats) -> Floats {
-        Floats::splat(self.normal[1]) * y + Floats::splat(self.normal[2]) * z
+    fn along_normal(&self, [x, y, z]: [Floats; 3]) -> Floats {
+        let [nx, ny, nz] = self.normal.map(Floats::splat);
+        nx * x + (ny * y + nz * z)
     }
-}
-
-/// Distance outside the four planes of a box that run along x.
-#[inline(always)]
-fn outside_yz(y: Floats, z: Floats, half: &[f32; 3]) -> Floats {
-    (y.abs() - Floats::splat(half[1])).greater(z.abs() - Floats::splat(half[2]))
-}
-
-/// Distance outside the two planes of a box that run across x.
-#[inline(always)]
-fn outside_x(x: Floats, half: &[f32; 3]) -> Floats {
-    x.abs() - Floats::splat(half[0])
 }
 
 impl Solid for BladeSweep {
@@ -105,74 +153,103 @@ impl Solid for BladeSweep {
         rows
     }
 
-    fn prepare(&self, _tables: &mut Tables, _groups: [i32; 2]) {}
+    fn prepare(&self, tables: &mut Tables, [start, end]: [i32; 2]) {
+        for group in start..end {
+            let x = Floats::from(group * LANES as i32);
+            self.outside(0, x)
+                .store(&mut tables.columns[group as usize]);
+        }
+    }
 
     #[inline(always)]
-    fn spans(&self, _tables: &mut Tables, y: i32, z: i32, _row: usize) -> Spans {
+    fn spans(&self, tables: &mut Tables, y: i32, z: i32, row: usize) -> Spans {
         let nothing = Floats::splat(f32::NAN);
-        let [along_x, ..] = &self.slabs;
-        let middle_y = Floats::from(y) + Floats::splat(self.middle[1]);
-        let middle_z = Floats::splat(z as f32 + self.middle[2]);
-        let reach = self.hull_half[0] + self.reach;
-        let (mut low, mut high) = (Floats::splat(-reach), Floats::splat(reach));
-        for slab in &self.slabs[1..] {
+        let (reach, slack) = (Floats::splat(self.reach), Floats::splat(self.slack));
+        let (y, z) = (Floats::from(y), Floats::splat(z as f32));
+        let hull_yz = self.outside(1, y).greater(self.outside(2, z));
+        hull_yz.store(&mut tables.rows[0].as_chunks_mut().0[row / LANES]);
+
+        let (lower_x, upper_x) = (Floats::splat(-self.lower[0]), Floats::splat(-self.upper[0]));
+        let half_x = Floats::splat(self.half[0]);
+        let mut low = lower_x - half_x - reach;
+        let mut high = upper_x + half_x + reach;
+        for slab in self.slabs.iter().flatten() {
             // Against a slope this slight, a row would be cut far away, and rounding errors with it.
             if slab.normal[0].abs() < 1e-3 {
                 continue;
             }
+            let middle = [
+                Floats::splat(0.0),
+                y + Floats::splat(self.middle[1]),
+                z + Floats::splat(self.middle[2]),
+            ];
             let per_slope = 1.0 / slab.normal[0];
-            let centre = slab.offset(middle_y, middle_z) * Floats::splat(-per_slope);
-            let reach = Floats::splat((slab.half + self.reach) * per_slope.abs());
-            low = low.greater(centre - reach);
-            high = high.lesser(centre + reach);
+            let centre = slab.along_normal(middle) * Floats::splat(-per_slope)
+                - Floats::splat(self.middle[0]);
+            // A voxel within reach of an end box's planes may be this much farther from a plane through its edge.
+            let within = slab.half + std::f32::consts::SQRT_2 * self.reach;
+            let within = Floats::splat(within * per_slope.abs());
+            low = low.greater(centre - within);
+            high = high.lesser(centre + within);
         }
-        let hull = outside_yz(middle_y, middle_z, &self.hull_half)
-            .greater(along_x.offset(middle_y, middle_z).abs() - Floats::splat(along_x.half));
-        let middle_x = Floats::splat(-self.middle[0]);
-        let low = middle_x + low;
-        let high = Floats::splat(self.reach).where_below(hull, nothing, middle_x + high);
-        let inside = self.half[0] - self.reach;
-        if self.start == Start::Unknown || inside <= 0.0 {
+        high = reach.where_below(hull_yz, nothing, high);
+        if self.start == Start::Unknown {
             return Spans {
                 first: [low, high],
                 second: [nothing; 2],
             };
         }
+
+        // A voxel changes only if, seen from the box at the start, a plane that advances is the farthest.
+        let [[ahead_y, still_y], [ahead_z, still_z]] = [self.advancing(1, y), self.advancing(2, z)];
+        let (ahead, still) = (ahead_y.greater(ahead_z), still_y.greater(still_z));
+        let zero = Floats::splat(0.0);
+        // Along x, in the direction of the step: past the middle or where y and z have it over the trailing plane...
+        let past = (zero - half_x - ahead).lesser(zero);
+        // ...and where y and z are behind, as far as the leading plane needs to have it over them.
+        let past = ahead.where_below(still - slack, past.greater(half_x + still), past) - slack;
         let from_x = Floats::splat(-self.from[0]);
-        let from_y = Floats::from(y) + Floats::splat(self.from[1]);
-        let from_z = Floats::splat(z as f32 + self.from[2]);
-        // NaN where the row misses what is clear: the first span is then whole, and leaves nothing to the second.
-        let inside = outside_yz(from_y, from_z, &self.half).where_below(
-            Floats::splat(-self.reach),
-            Floats::splat(inside),
-            nothing,
-        );
+        if self.step[0] < 0.0 {
+            high = (from_x - past).lesser(high);
+        } else if 0.0 < self.step[0] {
+            low = (from_x + past).greater(low);
+        } else {
+            high = ahead.where_below(still - slack, nothing, high);
+        }
+        // Deep inside the box at the start nothing is left. NaN where the row misses that: the first span is then
+        // whole, and leaves nothing to the second.
+        let deep = ahead
+            .greater(still)
+            .where_below(zero - reach, half_x - reach, nothing);
+        let deep = zero.where_below(deep, deep, nothing);
         Spans {
-            first: [low, (from_x - inside).lesser(high)],
-            second: [(from_x + inside).greater(low), high],
+            first: [low, (from_x - deep).lesser(high)],
+            second: [(from_x + deep).greater(low), high],
         }
     }
 
     #[inline(always)]
-    fn leaves(&self, _tables: &Tables, [x, y, z]: [i32; 3], _row: usize) -> Bytes {
-        let way_from = |offset: &[f32; 3]| {
-            (
-                Floats::from(x) + Floats::splat(offset[0]),
-                Floats::splat(y as f32 + offset[1]),
-                Floats::splat(z as f32 + offset[2]),
-            )
+    fn leaves(&self, tables: &Tables, [x, y, z]: [i32; 3], row: usize) -> Bytes {
+        let group = x as usize / LANES % tables.columns.len();
+        let hull =
+            Floats::load(&tables.columns[group]).greater(Floats::splat(tables.rows[0][row % ROWS]));
+        let Some(slabs) = &self.slabs else {
+            return left_over(hull);
         };
-        let outside = |(x, y, z): (Floats, Floats, Floats), half: &[f32; 3]| {
-            outside_x(x, half).greater(outside_yz(y, z, half))
-        };
-        let middle = way_from(&self.middle);
-        let mut hull = outside(middle, &self.hull_half);
-        for slab in &self.slabs {
-            let along = Floats::splat(slab.normal[0]) * middle.0 + slab.offset(middle.1, middle.2);
-            hull = hull.greater(along.abs() - Floats::splat(slab.half));
+        let at = [
+            Floats::from(x),
+            Floats::splat(y as f32),
+            Floats::splat(z as f32),
+        ];
+        let middle = std::array::from_fn(|axis| at[axis] + Floats::splat(self.middle[axis]));
+        let mut hull = hull;
+        for slab in slabs {
+            hull = hull.greater(slab.along_normal(middle).abs() - Floats::splat(slab.half));
         }
-        let ends = outside(way_from(&self.from), &self.half)
-            .lesser(outside(way_from(&self.to), &self.half));
+        // The hull lies about both boxes, but for rounding.
+        let ends = self
+            .outside_box(&self.from, at)
+            .lesser(self.outside_box(&self.to, at));
         left_over(hull.lesser(ends))
     }
 }

@@ -1,6 +1,6 @@
 //! The operations on arrays: what they mean, and what runs where there is nothing faster.
 
-use std::ops::{Add, Mul, Sub};
+use std::ops::{Add, Div, Mul, Sub};
 
 use super::{Bytes, LANES};
 
@@ -52,18 +52,6 @@ impl Floats {
         Self(self.0.map(f32::abs))
     }
 
-    /// `inside` where these lie between 0 and 1, neither included; `outside` elsewhere and where they are NaN.
-    pub(crate) fn where_between_0_and_1(self, inside: Self, outside: Self) -> Self {
-        Self(std::array::from_fn(|lane| {
-            let at = self.0[lane];
-            if 0.0 < at && at < 1.0 {
-                inside.0[lane]
-            } else {
-                outside.0[lane]
-            }
-        }))
-    }
-
     /// `below` where these are less than `bound`, `otherwise` elsewhere and where either is NaN.
     pub(crate) fn where_below(self, bound: Self, below: Self, otherwise: Self) -> Self {
         Self(std::array::from_fn(|lane| {
@@ -73,6 +61,11 @@ impl Floats {
                 otherwise.0[lane]
             }
         }))
+    }
+
+    /// Whether any is above 0.
+    pub(crate) fn any_above_0(self) -> bool {
+        self.0.iter().any(|&at| 0.0 < at)
     }
 
     /// The whole numbers nearest to these, ties to even, kept between two small whole numbers; the lower one for NaN.
@@ -127,6 +120,13 @@ impl Mul for Floats {
     type Output = Self;
     fn mul(self, other: Self) -> Self {
         self.with(other, |a, b| a * b)
+    }
+}
+
+impl Div for Floats {
+    type Output = Self;
+    fn div(self, other: Self) -> Self {
+        self.with(other, |a, b| a / b)
     }
 }
 

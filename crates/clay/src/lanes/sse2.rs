@@ -5,13 +5,14 @@
 use std::arch::x86_64::{
     __m128, __m128i, _mm_add_epi32, _mm_add_ps, _mm_and_ps, _mm_and_si128, _mm_andnot_ps,
     _mm_andnot_si128, _mm_castps_si128, _mm_cmpgt_epi32, _mm_cmplt_ps, _mm_cvtepi32_ps,
-    _mm_cvtps_epi32, _mm_cvtsi32_si128, _mm_cvtsi128_si32, _mm_cvtsi128_si64, _mm_loadu_ps,
-    _mm_max_ps, _mm_min_epu8, _mm_min_ps, _mm_movemask_epi8, _mm_mul_ps, _mm_or_ps, _mm_or_si128,
-    _mm_packs_epi32, _mm_packus_epi16, _mm_sad_epu8, _mm_set_epi32, _mm_set_ps, _mm_set1_epi32,
-    _mm_set1_ps, _mm_setzero_ps, _mm_setzero_si128, _mm_slli_epi32, _mm_sqrt_ps, _mm_srai_epi32,
-    _mm_storeu_ps, _mm_sub_epi32, _mm_sub_ps, _mm_unpackhi_epi64,
+    _mm_cvtps_epi32, _mm_cvtsi32_si128, _mm_cvtsi128_si32, _mm_cvtsi128_si64, _mm_div_ps,
+    _mm_loadu_ps, _mm_max_ps, _mm_min_epu8, _mm_min_ps, _mm_movemask_epi8, _mm_movemask_ps,
+    _mm_mul_ps, _mm_or_ps, _mm_or_si128, _mm_packs_epi32, _mm_packus_epi16, _mm_sad_epu8,
+    _mm_set_epi32, _mm_set_ps, _mm_set1_epi32, _mm_set1_ps, _mm_setzero_ps, _mm_setzero_si128,
+    _mm_slli_epi32, _mm_sqrt_ps, _mm_srai_epi32, _mm_storeu_ps, _mm_sub_epi32, _mm_sub_ps,
+    _mm_unpackhi_epi64,
 };
-use std::ops::{Add, Mul, Sub};
+use std::ops::{Add, Div, Mul, Sub};
 
 use super::{Bytes, LANES};
 
@@ -85,12 +86,8 @@ impl Floats {
     }
 
     #[inline(always)]
-    pub(crate) fn where_between_0_and_1(self, inside: Self, outside: Self) -> Self {
-        sse2! {{
-            let above = _mm_cmplt_ps(_mm_setzero_ps(), self.0);
-            let below = _mm_cmplt_ps(self.0, _mm_set1_ps(1.0));
-            select(_mm_and_ps(above, below), inside, outside)
-        }}
+    pub(crate) fn any_above_0(self) -> bool {
+        sse2! {{ _mm_movemask_ps(_mm_cmplt_ps(_mm_setzero_ps(), self.0)) != 0 }}
     }
 
     #[inline(always)]
@@ -177,6 +174,14 @@ impl Mul for Floats {
         sse2! {{
             Self(_mm_mul_ps(self.0, other.0))
         }}
+    }
+}
+
+impl Div for Floats {
+    type Output = Self;
+    #[inline(always)]
+    fn div(self, other: Self) -> Self {
+        sse2! {{ Self(_mm_div_ps(self.0, other.0)) }}
     }
 }
 
