@@ -6,6 +6,9 @@ import { BRICK_EDGE, BRICK_VOXELS } from "../protocol/packing";
 /** How far a brick's surface looks into its neighbours, voxels: see `surface.ts`. */
 export const REACH = 3;
 
+/** A grid of 1024³ voxels: what a page can hold, and twice as fine along each axis as any server makes it. */
+const MOST_BRICKS = 64 ** 3;
+
 const EMPTY = new Uint8Array(BRICK_VOXELS);
 const FULL = new Uint8Array(BRICK_VOXELS).fill(255);
 
@@ -21,8 +24,13 @@ export class ClayMirror {
     return this.#stale.size;
   }
 
-  /** Takes an update in. Returns whether the grid itself changed, so that no mesh made before is of any use. */
+  /**
+   * Takes an update in. Returns whether the grid itself changed, so that no mesh made before is of any use. Throws when the
+   * grid is beyond what a page can hold.
+   */
   apply(message: BricksMessage): boolean {
+    const count = message.bricks_per_axis.reduce((product, n) => product * n, 1);
+    if (MOST_BRICKS < count) throw new RangeError(`a grid of ${count} bricks, this page holds ${MOST_BRICKS}`);
     const regridded =
       message.voxel_size_m !== this.voxel_size_m || message.bricks_per_axis.some((n, i) => n !== this.perAxis[i]);
     if (regridded || message.whole) this.#forget(message);

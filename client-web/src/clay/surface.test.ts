@@ -91,6 +91,12 @@ describe("the mirror", () => {
     expect(mirror.takeStale()).toBe(13);
   });
 
+  it("refuses a grid that no page can hold", () => {
+    const mirror = new ClayMirror();
+    expect(() => mirror.apply({ ...message([1, 1, 1], () => 0), bricks_per_axis: [65535, 65535, 65535] })).toThrow(RangeError);
+    expect(mirror.apply(message([1, 1, 1], () => 255))).toBe(true);
+  });
+
   it("forgets what it held when a whole picture starts, and says when the grid is another one", () => {
     const mirror = new ClayMirror();
     expect(mirror.apply(message([2, 2, 2], () => 255))).toBe(true);

@@ -78,6 +78,32 @@ describe("the vectors", () => {
   });
 });
 
+describe("bytes that went wrong on the way", () => {
+  it("are decoded or refused, and never anything else", () => {
+    const messages = ["telemetry", "bricks"].flatMap((name) => load<{ hex: string }>(name).cases.map(({ hex }) => hex));
+    let seed = 11;
+    const random = (below: number): number => {
+      seed = (Math.imul(seed, 1103515245) + 12345) & 0x7fffffff;
+      return (seed >>> 8) % below;
+    };
+    const outcomes = { decoded: 0, refused: 0 };
+    for (let n = 0; n < 20_000; n += 1) {
+      const message = new Uint8Array(bytes(messages[random(messages.length)]));
+      for (let flips = random(4); 0 <= flips; flips -= 1) message[random(message.length)] = random(256);
+      const cut = random(3) === 0 ? message.slice(0, random(message.length)) : message;
+      try {
+        decodeAny(cut.buffer);
+        outcomes.decoded += 1;
+      } catch (error) {
+        expect(error).toBeInstanceOf(DecodeError);
+        outcomes.refused += 1;
+      }
+    }
+    expect(outcomes.decoded).toBeGreaterThan(1000);
+    expect(outcomes.refused).toBeGreaterThan(1000);
+  });
+});
+
 describe("text that is not a message", () => {
   it("is refused with the place that is wrong", () => {
     expect(() => decodeServerText("{")).toThrow(/not JSON/);
