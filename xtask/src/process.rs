@@ -126,6 +126,8 @@ impl Service {
         let child = command
             .process_group(0)
             .args(arguments)
+            // A log is read in an editor as often as on a terminal.
+            .env("NO_COLOR", "1")
             .stdin(Stdio::null())
             .stdout(create_log(&log)?)
             .stderr(append_to(&log)?)
