@@ -181,8 +181,8 @@ trait Solid {
     /// Voxels that can be affected, along each axis from the first up to but not including the last.
     fn bounds(&self) -> [[i32; 2]; 3];
 
-    /// Narrows the rows that can be affected at `z`, from the first up to but not including the last.
-    fn rows_at(&self, z: i32, rows: [i32; 2]) -> [i32; 2];
+    /// Whether no voxel at `z` can change.
+    fn skips_layer(&self, z: i32) -> bool;
 
     /// Finds out what is the same for all rows about these columns of groups.
     fn prepare(&self, tables: &mut Tables, groups: [i32; 2]);
@@ -332,12 +332,12 @@ fn list_work<S: Solid>(
     let Scratch { work, tables, .. } = scratch;
     work.len = 0;
     for z in zs[0]..zs[1] {
-        let [start, end] = solid
-            .rows_at(corner[1] + z, ys.map(|y| corner[0] + y))
-            .map(|y| y - corner[0]);
+        if solid.skips_layer(corner[1] + z) {
+            continue;
+        }
         // Rows are taken in whole lanes; those beyond the solid have no span.
-        let mut y = start & -(LANES as i32);
-        while y < end {
+        let mut y = ys[0] & -(LANES as i32);
+        while y < ys[1] {
             let row = (z * EDGE + y) as usize;
             let spans = solid.spans(tables, corner[0] + y, corner[1] + z, row);
             let first_end = group_to(spans.first[1], groups);

@@ -32,6 +32,8 @@ mod lanes;
 mod law;
 mod pose;
 mod shape;
+pub mod stl;
+pub mod surface;
 mod sweep;
 mod tool;
 
@@ -48,5 +50,6 @@ pub use law::{
 };
 pub use pose::{Pose, PoseError, STEPS_PER_METRE};
 pub use shape::{MAX_STEPS, Shape, ShapeError, SteppedBlock, SteppedDimensions};
+pub use surface::Mesh;
 pub use sweep::Sweep;
 pub use tool::{Ball, Blade, BladeDimensions, MAX_TOOL_SIZE_M, ToolError, ToolShape};

@@ -167,21 +167,10 @@ impl Solid for BallSweep {
     }
 
     #[inline(always)]
-    fn rows_at(&self, z: i32, [start, end]: [i32; 2]) -> [i32; 2] {
-        if self.clear_squared.is_some() {
-            let ahead = self.step[2] * (z as f32 + self.from[2]);
-            if ahead + self.along_slack + self.most_along_xy < 0.0 {
-                return [start, start];
-            }
-        }
-        let Some(reach_squared) = self.short_reach_squared else {
-            return [start, end];
-        };
-        let dz = z as f32 + self.middle[2];
-        let half = (reach_squared - dz * dz).max(0.0).sqrt();
-        let (low, high) = (-self.middle[1] - half, half - self.middle[1]);
-        // Conversions cut towards zero: downwards, as no row is below it.
-        [start.max(low as i32), end.min(high as i32 + 1)]
+    fn skips_layer(&self, z: i32) -> bool {
+        // All of it is behind the start, however far x and y reach ahead.
+        let ahead = self.step[2] * (z as f32 + self.from[2]);
+        self.clear_squared.is_some() && ahead + self.along_slack + self.most_along_xy < 0.0
     }
 
     fn prepare(&self, tables: &mut Tables, [start, end]: [i32; 2]) {

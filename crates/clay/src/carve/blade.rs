@@ -149,8 +149,8 @@ impl Solid for BladeSweep {
         self.bounds
     }
 
-    fn rows_at(&self, _z: i32, rows: [i32; 2]) -> [i32; 2] {
-        rows
+    fn skips_layer(&self, _z: i32) -> bool {
+        false
     }
 
     fn prepare(&self, tables: &mut Tables, [start, end]: [i32; 2]) {
