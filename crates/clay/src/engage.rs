@@ -8,11 +8,12 @@
 //! wholly in clay has `pi r^2`, a blade its width times the depth of cut. The integral is a sum over points that are fixed in the tool, so
 //! what is summed does not depend on the speed, and a removed volume never has to be divided by a small step.
 //!
-//! `e` is read where, going from a point of the face in the direction of motion, half a voxel ([`LOOK_AHEAD_VOXELS`]) lies between
-//! the place and the face: straight ahead that is half a voxel on, towards the rim of a ball some voxels. Seen along
+//! `e` is read where, going from a point of the face in the direction of motion, one voxel ([`LOOK_AHEAD_VOXELS`]) lies between
+//! the place and the face: straight ahead that is one voxel on, towards the rim of a ball some voxels. Seen along
 //! the motion, the place then covers the point it stands for, and clay that ends across the motion is measured without bias.
 //! Occupancy there is interpolated between voxel centres and saturated, so that a face which has just cut its way reads
-//! full clay wherever between the voxels it stands, and the edge of engaged clay is found between voxels too.
+//! full clay wherever between the voxels it stands, the edge of engaged clay is found between voxels too, and the walls of a cut,
+//! which hold half at the rim of the tool that made it, do not count.
 
 use crate::field::{Brick, Field, SOLID};
 use crate::grid::BRICK_EDGE;
@@ -20,9 +21,8 @@ use crate::lanes::{Floats, LANES};
 use crate::pose::Pose;
 use crate::tool::{Ball, Blade, ToolShape};
 
-/// How far from its faces a tool feels for clay, in voxels. A cut leaves the share 3/4 there; nearer, saturation could not tell
-/// it from the surface of clay that is not engaged.
-pub const LOOK_AHEAD_VOXELS: f64 = 0.5;
+/// How far from its faces a tool feels for clay, in voxels: where a cut's ramp ends and the clay ahead is whole.
+pub const LOOK_AHEAD_VOXELS: f64 = 1.0;
 
 /// A flat face that slants more than this against the motion is felt nearer than [`LOOK_AHEAD_VOXELS`], so as not to reach far beyond its
 /// edge. Little of it counts.
@@ -32,10 +32,10 @@ const LEAST_COSINE: f32 = 0.25;
 const NEARLY_PARALLEL: f64 = 0.98;
 
 /// Interpolated occupancy from which on clay counts as standing ahead in full, and below which it does not count, as shares of
-/// solid. They lie evenly about half of what a cut leaves at [`LOOK_AHEAD_VOXELS`], so that the edge of clay which ends across the motion is
-/// found where it is; and the upper one is below the least that interpolation makes of clay ahead of a face.
+/// solid. In between lies the edge of clay, at half; but nearly all of it is above, as half is also what the wall of a cut holds beside the
+/// tool.
 const FULL_FROM: f64 = 0.65;
-const NONE_BELOW: f64 = 0.10;
+const NONE_BELOW: f64 = 0.45;
 
 /// Pairs of points on a ball.
 const BALL_PAIRS: usize = 128;
@@ -201,7 +201,7 @@ pub(crate) fn engaged_areas_m2(
         return sampler.areas_m2(tool, sum.map(|d: f64| d / length), directions);
     }
     let area_m2 = |direction: [f64; 3]| {
-        if direction == [0.0; 3] {
+        if direction.iter().all(|d| d.abs() <= 0.0) {
             return 0.0;
         }
         sampler.areas_m2(tool, direction, [direction])[0]

@@ -6,7 +6,7 @@
 //! F = -(sigma_y + k |v|) A v / |v|
 //! ```
 //!
-//! with yield stress `sigma_y` (Pa) and viscosity `k` (Pa s/m). With `sigma_y = 0` this is the viscous clay of [KHMH03].
+//! with yield stress `sigma_y` (Pa) and viscosity `k` (Pa s/m). With `sigma_y = 0` this is the viscous clay of \[KHMH03\].
 //! Below yield the clay is a spring between the tool and the place where the clay last gave way. Its stiffness is that of a flat round
 //! punch of the same area on an elastic half space of modulus `E` (Pa):
 //!

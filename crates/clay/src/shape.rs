@@ -1,4 +1,4 @@
-//! Fresh blocks of clay: plain, or with the stepped top of the published cutting experiment [KHMH03].
+//! Fresh blocks of clay: plain, or with the stepped top of the published cutting experiment \[KHMH03\].
 
 use thiserror::Error;
 

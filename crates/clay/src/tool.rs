@@ -58,7 +58,7 @@ impl ToolShape {
         Ball::new(radius_m).map(Self::Ball)
     }
 
-    /// The blade of the published cutting experiment [KHMH03]: 10 mm wide, 40 mm tall, 2 mm thick, cutting along x.
+    /// The blade of the published cutting experiment \[KHMH03\]: 10 mm wide, 40 mm tall, 2 mm thick, cutting along x.
     #[must_use]
     pub const fn paper_blade() -> Self {
         Self::Blade(Blade {
