@@ -607,7 +607,7 @@ impl Live {
         let lease = inner.next_lease.fetch_add(1, Ordering::Relaxed);
         let (place, loop_parameters, spec) = {
             let mut settings = self.shared.settings();
-            let Some(place) = self.free_place(&settings.places) else {
+            let Some(place) = self.place_for(&request.operator, &settings.places) else {
                 let reason = format!(
                     "all {} tools of session `{}` are held",
                     settings.places.len(),
@@ -656,20 +656,26 @@ impl Live {
         })
     }
 
-    /// A place that nobody holds, or one whose operator has fallen silent.
-    fn free_place(&self, places: &[Option<Lease>]) -> Option<usize> {
-        if let Some(free) = places.iter().position(Option::is_none) {
-            return Some(free);
-        }
+    /// The operator's own place if it has fallen silent; else one that nobody holds; else any that has fallen silent.
+    fn place_for(&self, operator: &str, places: &[Option<Lease>]) -> Option<usize> {
         let stats = self.shared.stats.lock().expect("no holder panics");
-        places.iter().enumerate().position(|(place, held)| {
-            let Some(held) = held else { return true };
-            let is_silent = stats.record.tools[place].is_some_and(|tool| {
+        let is_silent = |place: usize, held: &Lease| {
+            let silent = stats.record.tools[place].is_some_and(|tool| {
                 tool.lease == held.lease && !tool.is_connected && TAKEOVER_AFTER_S < tool.silence_s
             });
             // A fresh lease gets a second to send its first frame.
-            is_silent && Duration::from_secs(1) < held.granted.elapsed()
-        })
+            silent && Duration::from_secs(1) < held.granted.elapsed()
+        };
+        let silent = |of: Option<&str>| {
+            places.iter().enumerate().position(|(place, held)| {
+                held.as_ref().is_some_and(|held| {
+                    of.is_none_or(|operator| operator == held.operator) && is_silent(place, held)
+                })
+            })
+        };
+        silent(Some(operator))
+            .or_else(|| places.iter().position(Option::is_none))
+            .or_else(|| silent(None))
     }
 
     async fn order(&self, order: Order) -> Result<(), ChangeError> {
