@@ -6,10 +6,12 @@
 //! | [`ToolSide`] | where the clay is: reference, gate, `G_t^-1`, `G_t`, contact and cut |
 //! | [`SessionLoop`] | one block of clay, its tools, and the line to each of them |
 //! | [`rig`] | operator, handle side and session on virtual time |
+//! | [`experiment`] | the cutting experiment of \[KHMH03\] Fig. 7 through the real clay |
 //! | [`wall`] | the naive delayed wall, whose limit is known in closed form |
 //!
 //! Every step is a function of (state, inputs, now): the same code runs on a thread at 1 kHz and in the rig.
 
+pub mod experiment;
 mod handle_side;
 mod parameters;
 pub mod rig;
