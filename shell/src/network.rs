@@ -45,9 +45,11 @@ pub fn prepare_runtime() {
     if std::env::var_os(NAME).is_some() {
         return;
     }
-    let value =
-        "(rx:(handover:app),tx:(handover:app),acc:(handover:app),net:(handover:app),app:(worker_threads:1))";
-    #[allow(unsafe_code, reason = "no other thread exists yet, so nobody reads the environment meanwhile")]
+    let value = "(rx:(handover:app),tx:(handover:app),acc:(handover:app),net:(handover:app),app:(worker_threads:1))";
+    #[allow(
+        unsafe_code,
+        reason = "no other thread exists yet, so nobody reads the environment meanwhile"
+    )]
     // SAFETY: see the reason above; both strings are valid.
     unsafe {
         std::env::set_var(NAME, value);
@@ -64,27 +66,41 @@ pub async fn open(endpoints: &Endpoints) -> Result<Session, NetworkError> {
         check_endpoint(endpoint)?;
     }
     let config = config(endpoints).map_err(|reason| failed(endpoints, reason))?;
-    zenoh::open(config).await.map_err(|reason| failed(endpoints, reason))
+    zenoh::open(config)
+        .await
+        .map_err(|reason| failed(endpoints, reason))
 }
 
 /// What control frames are sent with: the newest matters, so a frame that cannot go at once is dropped and none is batched or repeated.
-pub const CONTROL_QOS: (CongestionControl, Priority, bool, Reliability) =
-    (CongestionControl::Drop, Priority::RealTime, true, Reliability::BestEffort);
+pub const CONTROL_QOS: (CongestionControl, Priority, bool, Reliability) = (
+    CongestionControl::Drop,
+    Priority::RealTime,
+    true,
+    Reliability::BestEffort,
+);
 
 /// Checks the form of an endpoint; whether anybody is there shows later.
 ///
 /// # Errors
 /// The endpoint is not `tcp/ADDRESS:PORT` or `udp/ADDRESS:PORT`.
 pub fn check_endpoint(endpoint: &str) -> Result<(), NetworkError> {
-    let malformed = || NetworkError::Endpoint { got: endpoint.to_owned() };
+    let malformed = || NetworkError::Endpoint {
+        got: endpoint.to_owned(),
+    };
     let (protocol, address) = endpoint.split_once('/').ok_or_else(malformed)?;
     let (host, port) = address.rsplit_once(':').ok_or_else(malformed)?;
     let is_port = port.parse::<u16>().is_ok();
     // What a name, an IPv4 address, and a bracketed IPv6 address with its scope are written with; endpoints are quoted into Zenoh's
     // configuration, so nothing else may pass.
     let is_host = !host.is_empty()
-        && host.chars().all(|letter| letter.is_ascii_alphanumeric() || ".-_:[]%".contains(letter));
-    if matches!(protocol, "tcp" | "udp") && is_host && is_port { Ok(()) } else { Err(malformed()) }
+        && host
+            .chars()
+            .all(|letter| letter.is_ascii_alphanumeric() || ".-_:[]%".contains(letter));
+    if matches!(protocol, "tcp" | "udp") && is_host && is_port {
+        Ok(())
+    } else {
+        Err(malformed())
+    }
 }
 
 /// The endpoint `steps` ports above `endpoint`; port 0 (any) stays.
@@ -92,7 +108,9 @@ pub fn check_endpoint(endpoint: &str) -> Result<(), NetworkError> {
 /// # Errors
 /// The endpoint is malformed, or the port above the last one.
 pub fn neighbour(endpoint: &str, steps: u16) -> Result<String, NetworkError> {
-    let malformed = || NetworkError::Endpoint { got: endpoint.to_owned() };
+    let malformed = || NetworkError::Endpoint {
+        got: endpoint.to_owned(),
+    };
     let (head, port) = endpoint.rsplit_once(':').ok_or_else(malformed)?;
     let port: u16 = port.parse().map_err(|_| malformed())?;
     if port == 0 {
@@ -104,10 +122,15 @@ pub fn neighbour(endpoint: &str, steps: u16) -> Result<String, NetworkError> {
 
 /// Whether an endpoint names a loopback address (or `localhost`).
 pub fn is_loopback(endpoint: &str) -> bool {
-    let address = endpoint.split_once('/').map_or(endpoint, |(_, address)| address);
+    let address = endpoint
+        .split_once('/')
+        .map_or(endpoint, |(_, address)| address);
     let host = address.rsplit_once(':').map_or(address, |(host, _)| host);
     let host = host.trim_start_matches('[').trim_end_matches(']');
-    host == "localhost" || host.parse::<std::net::IpAddr>().is_ok_and(|ip| ip.is_loopback())
+    host == "localhost"
+        || host
+            .parse::<std::net::IpAddr>()
+            .is_ok_and(|ip| ip.is_loopback())
 }
 
 fn config(endpoints: &Endpoints) -> Result<Config, zenoh::Error> {
@@ -131,7 +154,10 @@ fn config(endpoints: &Endpoints) -> Result<Config, zenoh::Error> {
         // Keep calling: a server that went away may come back.
         ("connect/timeout_ms", "-1"),
         ("connect/exit_on_failure", "false"),
-        ("connect/retry", "{ period_init_ms: 100, period_max_ms: 1000, period_increase_factor: 2 }"),
+        (
+            "connect/retry",
+            "{ period_init_ms: 100, period_max_ms: 1000, period_increase_factor: 2 }",
+        ),
         // A taken port is an error to tell now, not to wait for.
         ("listen/timeout_ms", "0"),
         ("listen/exit_on_failure", "true"),
@@ -145,8 +171,17 @@ fn config(endpoints: &Endpoints) -> Result<Config, zenoh::Error> {
 }
 
 fn failed(endpoints: &Endpoints, reason: zenoh::Error) -> NetworkError {
-    let what = endpoints.listen.iter().chain(&endpoints.connect).map(String::as_str).collect::<Vec<_>>().join(", ");
-    NetworkError::Open { what, reason: reason.to_string() }
+    let what = endpoints
+        .listen
+        .iter()
+        .chain(&endpoints.connect)
+        .map(String::as_str)
+        .collect::<Vec<_>>()
+        .join(", ");
+    NetworkError::Open {
+        what,
+        reason: reason.to_string(),
+    }
 }
 
 #[cfg(test)]
@@ -155,10 +190,20 @@ mod tests {
 
     #[test]
     fn loopback_is_told_from_the_rest() {
-        for inside in ["tcp/127.0.0.1:7447", "udp/[::1]:1", "tcp/localhost:0", "tcp/127.8.9.1:7"] {
+        for inside in [
+            "tcp/127.0.0.1:7447",
+            "udp/[::1]:1",
+            "tcp/localhost:0",
+            "tcp/127.8.9.1:7",
+        ] {
             assert!(is_loopback(inside), "{inside}");
         }
-        for outside in ["tcp/0.0.0.0:7447", "tcp/[::]:7447", "tcp/192.168.1.2:7447", "tcp/example.org:1"] {
+        for outside in [
+            "tcp/0.0.0.0:7447",
+            "tcp/[::]:7447",
+            "tcp/192.168.1.2:7447",
+            "tcp/example.org:1",
+        ] {
             assert!(!is_loopback(outside), "{outside}");
         }
     }
@@ -174,14 +219,20 @@ mod tests {
             "tcp/a\",\"b:1",
             "tcp/a b:1",
         ] {
-            assert!(check_endpoint(bad).unwrap_err().to_string().contains(bad), "{bad}");
+            assert!(
+                check_endpoint(bad).unwrap_err().to_string().contains(bad),
+                "{bad}"
+            );
         }
         assert!(check_endpoint("udp/[::1]:7447").is_ok());
     }
 
     #[test]
     fn the_neighbour_is_the_next_port() {
-        assert_eq!(neighbour("tcp/127.0.0.1:7447", 1).unwrap(), "tcp/127.0.0.1:7448");
+        assert_eq!(
+            neighbour("tcp/127.0.0.1:7447", 1).unwrap(),
+            "tcp/127.0.0.1:7448"
+        );
         assert_eq!(neighbour("tcp/127.0.0.1:0", 1).unwrap(), "tcp/127.0.0.1:0");
         assert!(neighbour("tcp/127.0.0.1:65535", 1).is_err());
     }

@@ -93,17 +93,28 @@ impl Ticker {
     ///
     /// # Errors
     /// The system cannot make a thread.
-    pub fn spawn(config: TickerConfig, mut step: impl FnMut(Tick) -> Next + Send + 'static) -> io::Result<Self> {
+    pub fn spawn(
+        config: TickerConfig,
+        mut step: impl FnMut(Tick) -> Next + Send + 'static,
+    ) -> io::Result<Self> {
         let stop = Arc::new(AtomicBool::new(false));
         let asked_to_stop = Arc::clone(&stop);
         let (obtained, scheduler) = std::sync::mpsc::sync_channel(1);
-        let thread = std::thread::Builder::new().name(config.name.to_owned()).spawn(move || {
-            // The receiver waits below, so this cannot fail.
-            let _ = obtained.send(platform::schedule(config.scheduling));
-            run(&config, &asked_to_stop, &mut step);
-        })?;
-        let scheduler = scheduler.recv().unwrap_or_else(|_| "unknown: the thread ended at once".to_owned());
-        Ok(Self { stop, thread: Some(thread), scheduler })
+        let thread = std::thread::Builder::new()
+            .name(config.name.to_owned())
+            .spawn(move || {
+                // The receiver waits below, so this cannot fail.
+                let _ = obtained.send(platform::schedule(config.scheduling));
+                run(&config, &asked_to_stop, &mut step);
+            })?;
+        let scheduler = scheduler
+            .recv()
+            .unwrap_or_else(|_| "unknown: the thread ended at once".to_owned());
+        Ok(Self {
+            stop,
+            thread: Some(thread),
+            scheduler,
+        })
     }
 
     /// What the scheduler granted, in words.
@@ -139,10 +150,19 @@ fn run(config: &TickerConfig, stop: &AtomicBool, step: &mut impl FnMut(Tick) -> 
         }
         let late = platform::now_ns().saturating_sub(deadline);
         let behind = late / period;
-        let given_up = if u64::from(MOST_BEHIND) < behind { behind } else { 0 };
+        let given_up = if u64::from(MOST_BEHIND) < behind {
+            behind
+        } else {
+            0
+        };
         deadline += given_up * period;
         let lateness = Duration::from_nanos(late);
-        if step(Tick { number, lateness, given_up }) == Next::Stop {
+        if step(Tick {
+            number,
+            lateness,
+            given_up,
+        }) == Next::Stop
+        {
             return;
         }
         number += 1;
@@ -153,7 +173,10 @@ fn run(config: &TickerConfig, stop: &AtomicBool, step: &mut impl FnMut(Tick) -> 
 #[cfg(target_os = "linux")]
 mod platform {
     //! `clock_nanosleep` with `TIMER_ABSTIME`, which std does not offer, and the scheduler calls.
-    #![allow(unsafe_code, reason = "libc calls; each is given valid pointers to locals and its result is checked")]
+    #![allow(
+        unsafe_code,
+        reason = "libc calls; each is given valid pointers to locals and its result is checked"
+    )]
 
     use super::{FIFO_PRIORITY, Scheduling};
     use std::io;
@@ -161,7 +184,10 @@ mod platform {
     const NS_PER_S: u64 = 1_000_000_000;
 
     pub(super) fn now_ns() -> u64 {
-        let mut now = libc::timespec { tv_sec: 0, tv_nsec: 0 };
+        let mut now = libc::timespec {
+            tv_sec: 0,
+            tv_nsec: 0,
+        };
         // SAFETY: `now` is a valid timespec; CLOCK_MONOTONIC always exists.
         unsafe { libc::clock_gettime(libc::CLOCK_MONOTONIC, &raw mut now) };
         now.tv_sec as u64 * NS_PER_S + now.tv_nsec as u64
@@ -174,7 +200,12 @@ mod platform {
         };
         // SAFETY: `deadline` is valid; a null remainder is allowed with TIMER_ABSTIME. Interrupted: sleep on.
         while unsafe {
-            libc::clock_nanosleep(libc::CLOCK_MONOTONIC, libc::TIMER_ABSTIME, &raw const deadline, std::ptr::null_mut())
+            libc::clock_nanosleep(
+                libc::CLOCK_MONOTONIC,
+                libc::TIMER_ABSTIME,
+                &raw const deadline,
+                std::ptr::null_mut(),
+            )
         } == libc::EINTR
         {}
     }
@@ -182,16 +213,25 @@ mod platform {
     pub(super) fn schedule(asked: Scheduling) -> String {
         // SAFETY: plain integers. The default slack of 50 us would be added to every sleep of a normal thread.
         let slack = unsafe { libc::prctl(libc::PR_SET_TIMERSLACK, 1_u64, 0_u64, 0_u64, 0_u64) };
-        let slack = if slack == 0 { "timer slack 1 ns" } else { "default timer slack" };
+        let slack = if slack == 0 {
+            "timer slack 1 ns"
+        } else {
+            "default timer slack"
+        };
         if asked == Scheduling::Normal {
             return format!("normal, as asked; {slack}");
         }
-        let parameters = libc::sched_param { sched_priority: FIFO_PRIORITY };
+        let parameters = libc::sched_param {
+            sched_priority: FIFO_PRIORITY,
+        };
         // SAFETY: `parameters` is valid; 0 is the calling thread.
         if unsafe { libc::sched_setscheduler(0, libc::SCHED_FIFO, &raw const parameters) } == 0 {
             return format!("SCHED_FIFO {FIFO_PRIORITY}, as asked");
         }
-        format!("normal; SCHED_FIFO refused ({}); {slack}", io::Error::last_os_error())
+        format!(
+            "normal; SCHED_FIFO refused ({}); {slack}",
+            io::Error::last_os_error()
+        )
     }
 }
 
@@ -219,7 +259,9 @@ mod platform {
     pub(super) fn schedule(asked: Scheduling) -> String {
         match asked {
             Scheduling::Normal => "normal, as asked".to_owned(),
-            Scheduling::Fifo => "normal; real-time scheduling is only asked for on Linux".to_owned(),
+            Scheduling::Fifo => {
+                "normal; real-time scheduling is only asked for on Linux".to_owned()
+            }
         }
     }
 }
