@@ -307,6 +307,7 @@ proptest! {
             let sequence = sequence.wrapping_add(part as u32);
             prop_assert_eq!(view.header, BricksHeader { sequence, picture, ..header });
             prop_assert!(message.len() <= longest || view.len() <= 1, "{} bytes", message.len());
+            prop_assert!(!view.is_empty() || bricks.is_empty(), "a part that tells nothing");
             for brick in view.iter() {
                 let mut voxels = Box::new([0xaa; BRICK_VOXELS]);
                 brick.body.unpack(&mut voxels);

@@ -12,6 +12,7 @@ mod network;
 mod patch;
 mod problem;
 mod session;
+pub mod theory;
 mod validate;
 
 pub use body::{BodyError, parse};
