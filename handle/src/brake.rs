@@ -10,7 +10,7 @@ use crate::device::DeviceCommand;
 
 /// Time constant of the stop, s: from a fast stroke (0.1 m/s) to rest within 3 mm, at a third of gravity.
 const STOP_TAU_S: f64 = 0.03;
-/// Slower than this is at rest, m/s: 1 um a tick.
+/// Slower than this is at rest, m/s: no hand notices when 1 um a tick ends.
 const REST_M_S: f64 = 1e-3;
 /// A handle that is slow to follow, or that somebody pushes, is waited for no longer than this, s.
 const LONGEST_S: f64 = 0.3;
@@ -67,6 +67,7 @@ impl Brake {
 }
 
 #[cfg(test)]
+#[allow(clippy::float_cmp, reason = "zero and one are meant exactly: a ramp ends, a gain is full")]
 mod tests {
     use super::*;
 
@@ -93,7 +94,7 @@ mod tests {
             (at, speed, force, ticks) = (command.position_m[0], now, command.force_n[0], ticks + 1);
         }
         assert!(at < 0.0031, "{at} m");
-        assert!((ticks as f64) * TICK_S < 0.2, "{ticks} ticks");
+        assert!(f64::from(ticks) * TICK_S < 0.2, "{ticks} ticks");
         assert_eq!(force, 0.0);
     }
 

@@ -77,7 +77,6 @@ pub(crate) struct SessionRecord {
     pub(crate) clay_epoch: u32,
     pub(crate) initial_units: u64,
     pub(crate) remaining_units: u64,
-    pub(crate) is_paused: bool,
     /// Frames that left for handles since the session began.
     pub(crate) frames_sent: u64,
     pub(crate) fault: Option<&'static str>,
@@ -95,7 +94,6 @@ pub(crate) struct ToolRecord {
     pub(crate) coordination_m: f64,
     pub(crate) arrivals: ArrivalCounts,
     pub(crate) rtt_s: Option<f64>,
-    pub(crate) scheme: Scheme,
 }
 
 /// A changed brick on its way to the mirror.
@@ -106,6 +104,10 @@ pub(crate) struct BrickUpdate {
 }
 
 /// What a brick holds now.
+#[allow(
+    clippy::large_enum_variant,
+    reason = "it lies in a ring whose slots have one size; a box would allocate on the tick"
+)]
 pub(crate) enum BrickContent {
     Empty,
     Full,
@@ -151,6 +153,10 @@ impl Running {
 }
 
 /// What the tick is told to do, between two ticks.
+#[allow(
+    clippy::large_enum_variant,
+    reason = "orders are few and lie in a ring whose slots have one size"
+)]
 pub(crate) enum Order {
     Add(Box<Running>),
     Remove {
@@ -222,6 +228,8 @@ pub(crate) struct Shared {
 /// The state of the thread.
 pub(crate) struct Engine {
     clock: Clock,
+    /// Boxed, so that one that is removed moves out of here without copying its kilobytes on the tick.
+    #[allow(clippy::vec_box, reason = "see above")]
     running: Vec<Box<Running>>,
     orders: Consumer<Order>,
     outgoing: Producer<Outgoing>,
@@ -438,7 +446,6 @@ fn record(running: &Running, now: Timestamp) -> SessionRecord {
         clay_epoch: running.clay_epoch,
         initial_units: session.clay().initial_units(),
         remaining_units: session.clay().remaining_units(),
-        is_paused: session.is_paused(),
         frames_sent: running.frames_sent,
         fault: session.fault().map(|fault| fault.field),
         tools: [None; MAX_PLACES],
@@ -453,7 +460,6 @@ fn record(running: &Running, now: Timestamp) -> SessionRecord {
             coordination_m: side.coordination_m(),
             arrivals: side.arrivals(),
             rtt_s: side.round_trip().last().map(|rtt| rtt.as_secs_f64()),
-            scheme: side.scheme(),
         });
     }
     record

@@ -45,11 +45,11 @@ pub struct Event {
 }
 
 /// The watchers' copy of the clay, a few milliseconds behind the tick's.
-pub struct Mirror {
+pub(crate) struct Mirror {
     /// The clay.
-    pub clay: Clay,
+    pub(crate) clay: Clay,
     /// Counts the fresh blocks.
-    pub epoch: u32,
+    pub(crate) epoch: u32,
 }
 
 /// Who holds a tool.
@@ -70,7 +70,7 @@ pub(crate) struct Settings {
 }
 
 /// A session, shared by the API, Zenoh and the collector.
-pub struct SessionShared {
+pub(crate) struct SessionShared {
     pub(crate) id: SessionId,
     pub(crate) number: u32,
     pub(crate) settings: Mutex<Settings>,

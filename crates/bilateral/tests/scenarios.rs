@@ -1,4 +1,5 @@
 //! The whole loop on virtual time, against closed forms and against what must hold whatever the network does.
+#![allow(clippy::float_cmp, reason = "a released hand feels exactly nothing")]
 
 use std::time::Duration;
 

@@ -151,6 +151,10 @@ pub fn capped(v: Vec3, limit: f64) -> Vec3 {
 }
 
 #[cfg(test)]
+#[allow(
+    clippy::float_cmp,
+    reason = "zero and one are meant exactly: a ramp ends, a gain is full"
+)]
 mod tests {
     use super::*;
     use proptest::prelude::*;

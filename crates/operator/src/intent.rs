@@ -268,6 +268,10 @@ fn require_finite(field: &'static str, values: &[f64]) -> Result<(), IntentError
 }
 
 #[cfg(test)]
+#[allow(
+    clippy::float_cmp,
+    reason = "zero and one are meant exactly: a ramp ends, a gain is full"
+)]
 mod tests {
     use super::*;
 

@@ -146,6 +146,10 @@ fn with_arm(
 }
 
 #[cfg(test)]
+#[allow(
+    clippy::float_cmp,
+    reason = "zero and one are meant exactly: a ramp ends, a gain is full"
+)]
 mod tests {
     use super::*;
 

@@ -102,6 +102,10 @@ impl ForceGate {
 }
 
 #[cfg(test)]
+#[allow(
+    clippy::float_cmp,
+    reason = "zero and one are meant exactly: a ramp ends, a gain is full"
+)]
 mod tests {
     use super::*;
     use proptest::prelude::*;

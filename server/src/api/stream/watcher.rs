@@ -157,7 +157,7 @@ impl Watcher {
                 }
                 event = self.events.recv() => self.on_event(socket, event).await?,
                 message = socket.recv(), if self.change.is_none() => {
-                    let message = message.ok_or(End::Left)?.map_err(|error| end_of(error))?;
+                    let message = message.ok_or(End::Left)?.map_err(end_of)?;
                     self.on_message(socket, message).await?;
                 }
             }
