@@ -70,12 +70,22 @@ describe("history", () => {
     expect(history.newest_s).toBeCloseTo(0.019);
   });
 
+  it("knows what was between two samples, and the newest where there is no later one", () => {
+    const history = new History();
+    history.append({ ...batch(0, 10, (t) => 1000 * t), period_us: 4000 });
+    expect(history.vectorAt(Channel.tool_force_n, 0.01)[0]).toBeCloseTo(2.5, 5);
+    expect(history.vectorAt(Channel.tool_force_n, 0.012)[0]).toBeCloseTo(3, 5);
+    expect(history.vectorAt(Channel.tool_force_n, 5)[0]).toBe(history.latest(Channel.tool_force_n));
+    const path = history.path(Channel.tool_force_n, 0.021, 1, 0.004).filter((_, i) => i % 3 === 0);
+    expect(path.at(-1)).toBeCloseTo(5.25, 5);
+  });
+
   it("finds the greatest force and the path of the last seconds only", () => {
     const history = new History();
     for (let n = 0; n < 400; n += 1) history.append(batch(n * 0.02, 20, (t) => (t < 1 ? 30 : 2)));
     expect(history.greatest(Channel.tool_force_n, 10)).toBe(30);
     expect(history.greatest(Channel.tool_force_n, 5)).toBe(2);
-    const path = history.path(Channel.tool_force_n, 2, 0.05);
+    const path = history.path(Channel.tool_force_n, history.newest_s, 2, 0.05);
     expect(path.length / 3).toBeGreaterThanOrEqual(40);
     expect(path.length / 3).toBeLessThanOrEqual(42);
   });

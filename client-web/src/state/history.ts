@@ -56,6 +56,20 @@ export class History {
     return [this.latest(channel), this.latest(channel + 1), this.latest(channel + 2)];
   }
 
+  /** A vector as it was at `time_s`, on the straight line between the samples around. */
+  vectorAt(channel: number, time_s: number): [number, number, number] {
+    const after = this.#firstAfter(time_s);
+    const kept = Math.max(this.#count - CAPACITY, 0);
+    if (after <= kept || this.#count <= after) return this.latestVector(channel);
+    const [a, b] = [(after - 1) % CAPACITY, after % CAPACITY];
+    const t = (time_s - this.#time_s[a]) / (this.#time_s[b] - this.#time_s[a]);
+    const along = (axis: number): number => {
+      const [from, to] = [a, b].map((slot) => this.#values[(channel + axis) * CAPACITY + slot]);
+      return from + t * (to - from);
+    };
+    return [along(0), along(1), along(2)];
+  }
+
   /** Greatest length of a vector over the last `span_s`. */
   greatest(channel: number, span_s: number): number {
     let greatest = 0;
@@ -68,19 +82,21 @@ export class History {
   }
 
   /**
-   * Where a vector was over the last `span_s`, oldest first, `step_s` apart: x, y, z one after the other. Taken at whole
-   * multiples of the step, so that the line does not crawl as time passes.
+   * Where a vector was over the `span_s` before `until_s`, oldest first, `step_s` apart: x, y, z one after the other. Taken
+   * at whole multiples of the step, so that the line does not crawl as time passes.
    */
-  path(channel: number, span_s: number, step_s: number): number[] {
+  path(channel: number, until_s: number, span_s: number, step_s: number): number[] {
     const points: number[] = [];
     let last = Number.NEGATIVE_INFINITY;
-    for (let i = this.#firstAfter(this.newest_s - span_s); i < this.#count; i += 1) {
+    for (let i = this.#firstAfter(until_s - span_s); i < this.#count; i += 1) {
       const slot = i % CAPACITY;
+      if (until_s < this.#time_s[slot]) break;
       const step = Math.floor(this.#time_s[slot] / step_s);
-      if (step === last && i + 1 < this.#count) continue;
+      if (step === last) continue;
       last = step;
       for (let axis = 0; axis < 3; axis += 1) points.push(this.#values[(channel + axis) * CAPACITY + slot]);
     }
+    if (0 < points.length) points.push(...this.vectorAt(channel, until_s));
     return points;
   }
 

@@ -204,13 +204,15 @@ describe("quality", () => {
     const { platform, live } = await connected([fakeSession()]);
     const say = (ticks: number, lost: number, late_ticks: number, packets_up_per_s: number): void => {
       const session = fakeSession();
-      platform.lastSocket.events.onText(state({ ...session, loop: { ...session.loop, ticks, lost, late_ticks, packets_up_per_s } }));
+      // The rate is measured, and wavers about its aim.
+      const rate_hz = ticks % 200 === 0 ? 1000.3 : 999.7;
+      platform.lastSocket.events.onText(state({ ...session, loop: { ...session.loop, rate_hz, ticks, lost, late_ticks, packets_up_per_s } }));
     };
     say(1_000_000, 50_000, 0, 1000);
     expect(live.quality.value.loss).toBeUndefined();
     for (let n = 1; n <= 50; n += 1) say(1_000_000 + 100 * n, 50_000 + 10 * n, 2 * n, 900);
-    expect(live.quality.value.loss).toBeCloseTo(0.1, 6);
-    expect(live.quality.value.latePerS).toBeCloseTo(20, 6);
+    expect(live.quality.value.loss).toBeCloseTo(0.1, 3);
+    expect(live.quality.value.latePerS).toBeCloseTo(20, 1);
     for (let n = 51; n <= 100; n += 1) say(1_000_000 + 100 * n, 50_500, 100, 1000);
     expect(live.quality.value.loss).toBe(0);
   });

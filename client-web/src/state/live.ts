@@ -10,6 +10,7 @@ import { Connection } from "./connection";
 import { Edits } from "./edits";
 import { History } from "./history";
 import type { Platform } from "./platform";
+import { Playhead } from "./playhead";
 import { type Quality, QualityTrend } from "./quality";
 import { sharing } from "./sharing";
 
@@ -36,6 +37,7 @@ export class Live {
   readonly #serverVersion = signal<string | undefined>(undefined);
   readonly #toolId = signal(1);
   readonly #histories = new Map<number, History>();
+  readonly #playhead = new Playhead();
   #trend = new QualityTrend();
   #notice = 0;
   /** Bytes of stream received, for the rate a watcher costs. */
@@ -76,6 +78,11 @@ export class Live {
   /** Telemetry of the tool on show. */
   get history(): History {
     return this.historyOf(this.tool.peek()?.id ?? this.#toolId.peek());
+  }
+
+  /** The moment to show at `now_ms`, in the session's time, s. */
+  momentAt(now_ms: number): number {
+    return this.#playhead.at(now_ms, this.history.newest_s);
   }
 
   historyOf(tool: number): History {

@@ -10,7 +10,7 @@ export interface Quality {
 }
 
 interface Reading {
-  readonly time_s: number;
+  readonly ticks: number;
   readonly lost: number;
   readonly received: number;
   readonly late_ticks: number;
@@ -25,15 +25,16 @@ export class QualityTrend {
 
   add(session: Session): Quality {
     const { ticks, rate_hz, lost, late_ticks, packets_up_per_s } = session.loop;
-    const time_s = ticks / rate_hz;
+    // The rate is measured and wavers: only differences of ticks may be divided by it.
+    const since_s = (reading: Reading): number => (ticks - reading.ticks) / rate_hz;
     const last = this.#readings.at(-1);
-    if (last !== undefined && (time_s < last.time_s || lost < last.lost)) this.#readings = [];
+    if (last !== undefined && (ticks < last.ticks || lost < last.lost)) this.#readings = [];
     const before = this.#readings.at(-1);
-    const received = before === undefined ? 0 : before.received + packets_up_per_s * (time_s - before.time_s);
-    this.#readings.push({ time_s, lost, received, late_ticks });
-    while (1 < this.#readings.length && WINDOW_S < time_s - this.#readings[0].time_s) this.#readings.shift();
+    const received = before === undefined ? 0 : before.received + packets_up_per_s * since_s(before);
+    this.#readings.push({ ticks, lost, received, late_ticks });
+    while (1 < this.#readings.length && WINDOW_S < since_s(this.#readings[0])) this.#readings.shift();
     const first = this.#readings[0];
-    const elapsed_s = time_s - first.time_s;
+    const elapsed_s = since_s(first);
     const gone = lost - first.lost;
     const due = gone + received - first.received;
     return {

@@ -116,19 +116,22 @@ function followLoop(
   mm_per_n: Signal<number>,
   drawn: Signal<{ frames_per_s: number; triangles: number; resolution: number }>,
 ): () => void {
-  let shown_s = Number.NaN;
+  /** The moment on show; nothing while there is no tool to show. */
+  let shown_s: number | undefined = Number.NaN;
   let second = 0;
   let frames = 0;
   return onFrame((now_ms) => {
     const session = live.session.peek();
     const tool = live.tool.peek();
     const { history } = live;
-    if (history.newest_s !== shown_s || tool?.connected !== true) {
-      shown_s = history.newest_s;
-      const shows = session !== undefined && tool !== undefined && (tool.connected || tool.operator !== "");
+    const time_s = live.momentAt(now_ms);
+    const shows = session !== undefined && tool !== undefined && (tool.connected || tool.operator !== "");
+    const wanted_s = shows ? time_s : undefined;
+    if (wanted_s !== shown_s) {
+      shown_s = wanted_s;
       mm_per_n.value = arrowScale(history.greatest(Channel.tool_force_n, 10), history.greatest(Channel.felt_force_n, 10));
-      view.setPose(shows ? poseOf(session, tool, history) : undefined, mm_per_n.value);
-      view.setTrail(shows ? history.path(Channel.tool_position_m, TRAIL_S, TRAIL_STEP_S) : []);
+      view.setPose(shows ? poseOf(session, tool, history, time_s) : undefined, mm_per_n.value);
+      view.setTrail(shows ? history.path(Channel.tool_position_m, time_s, TRAIL_S, TRAIL_STEP_S) : []);
     }
     if (view.draw(now_ms)) frames += 1;
     if (Math.floor(now_ms / 1000) !== second) {

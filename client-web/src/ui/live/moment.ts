@@ -1,11 +1,11 @@
-// One moment of the loop, for the picture: from telemetry, which is newer than the session's state.
+// One moment of the loop, for the picture: from telemetry, which is finer than the session's state.
 
 import type { ClayShape, Session, ToolState, Vector } from "../../protocol/session";
 import { Channel } from "../../protocol/telemetry";
 import type { History } from "../../state/history";
 import type { BlockDescription, Pose } from "../../scene/view";
 
-export function poseOf(session: Session, tool: ToolState, history: History): Pose {
+export function poseOf(session: Session, tool: ToolState, history: History, time_s: number): Pose {
   if (history.isEmpty) {
     return {
       tool_m: tool.position_m,
@@ -15,10 +15,10 @@ export function poseOf(session: Session, tool: ToolState, history: History): Pos
     };
   }
   return {
-    tool_m: history.latestVector(Channel.tool_position_m),
-    handle_m: inClay(session, tool, history.latestVector(Channel.handle_position_m)),
-    toolForce_n: history.latestVector(Channel.tool_force_n),
-    feltForce_n: history.latestVector(Channel.felt_force_n),
+    tool_m: history.vectorAt(Channel.tool_position_m, time_s),
+    handle_m: inClay(session, tool, history.vectorAt(Channel.handle_position_m, time_s)),
+    toolForce_n: history.vectorAt(Channel.tool_force_n, time_s),
+    feltForce_n: history.vectorAt(Channel.felt_force_n, time_s),
   };
 }
 

@@ -13,6 +13,8 @@ import { live } from "../store";
 import { isDark } from "../theme";
 
 const SPAN_S = 10;
+/** Ten seconds on three hundred pixels move by one in thirty milliseconds: more frames cannot be seen. */
+const LEAST_MS = 30;
 const AXES = ["x", "y", "z"] as const;
 
 interface CurveSpec {
@@ -140,19 +142,23 @@ function Strip({ spec, axis, held }: StripProps): JSX.Element {
   );
 }
 
-/** Draws whenever there are new samples, at most once per display frame, and not while the plots are held. */
+/** Draws as time goes on, as often as can be seen, and not while the plots are held. */
 function followHistory(chart: StripChart, spec: PlotSpec, axis: Signal<number>, held: Signal<boolean>): () => void {
-  let drawn = { newest_s: Number.NaN, axis: -1 };
-  return onFrame(() => {
+  let drawn = { time_s: Number.NaN, axis: -1 };
+  let last_ms = Number.NEGATIVE_INFINITY;
+  return onFrame((now_ms) => {
+    const time_s = live.momentAt(now_ms);
+    if (now_ms - last_ms < LEAST_MS) return;
     const { history } = live;
     const session = live.session.peek();
     const tool = live.tool.peek();
-    const now = { newest_s: history.newest_s, axis: axis.peek() };
-    const same = now.newest_s === drawn.newest_s && now.axis === drawn.axis;
+    const now = { time_s, axis: axis.peek() };
+    const same = now.time_s === drawn.time_s && now.axis === drawn.axis;
     if (session === undefined || tool === undefined || same || (held.peek() && now.axis === drawn.axis)) return;
     drawn = now;
-    const columns = columnsUntil(now.newest_s, SPAN_S, chart.columns);
-    chart.update(timesOf(columns, now.newest_s), spec.curves.map(({ channel, shown }): Envelope =>
+    last_ms = now_ms;
+    const columns = columnsUntil(now.time_s, SPAN_S, chart.columns);
+    chart.update(timesOf(columns, now.time_s), spec.curves.map(({ channel, shown }): Envelope =>
       history.envelope(channel + now.axis, columns).map((value) =>
         value === null ? null : shown(value, now.axis, session, tool))));
   });
