@@ -67,7 +67,7 @@ pub async fn serve(listener: TcpListener, router: Router, stop: impl Future<Outp
         tokio::spawn(converse(connection, router.clone(), stopped.clone(), place));
     }
     drop((listener, stopped));
-    drop(stopping.send(()));
+    stopping.send_replace(());
     // Done once every connection has dropped its end.
     timeout(GRACE, stopping.closed()).await.ok();
 }
