@@ -257,6 +257,6 @@ fn report(what: &str, wrong: Vec<String>) -> Result<()> {
     for line in &wrong {
         println!("  {line}");
     }
-    ensure!(wrong.is_empty(), "{} {what}", wrong.len());
+    ensure!(wrong.is_empty(), "{what}: {}", wrong.len());
     Ok(())
 }
