@@ -51,13 +51,13 @@ pub struct Arguments {
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = parse_triple)]
     pub force_n: Option<[f64; 3]>,
     /// Frequency in Hz, for sinusoid
-    #[arg(long, value_name = "HZ", value_parser = frequency)]
+    #[arg(long, value_name = "HZ", allow_negative_numbers = true, value_parser = frequency)]
     pub frequency_hz: Option<f64>,
     /// Corners in m and speeds in m/s, for trajectory: a file or a list such as 0.02,0,0@0.05;0,0,0@0.05
     #[arg(long, value_name = "FILE|LIST", allow_hyphen_values = true)]
     pub waypoints: Option<String>,
     /// End after this many seconds [default: never]
-    #[arg(long, value_name = "N", value_parser = seconds)]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = seconds)]
     pub seconds: Option<Duration>,
     /// What to ask the scheduler for: fifo or normal
     #[arg(long, value_name = "POLICY", default_value_t = Scheduling::Fifo)]
