@@ -110,6 +110,18 @@ const LEAST_TOKEN: usize = 16;
 /// A spin as long as the tick would never sleep.
 const MOST_SPIN_US: u64 = 900;
 
+/// Settings that a variable `TELECLAY_…` may give, beside the token.
+const FROM_ENVIRONMENT: [&str; 8] = [
+    "listen",
+    "zenoh_listen",
+    "data_dir",
+    "demo_session",
+    "node",
+    "allow_origins",
+    "scheduling",
+    "spin_us",
+];
+
 impl Settings {
     /// Reads file and environment, lets flags win, checks.
     ///
@@ -125,8 +137,13 @@ impl Settings {
             );
             figment = figment.merge(Toml::file_exact(file));
         }
-        figment = figment.merge(Env::prefixed("TELECLAY_").ignore(&["config", "log"]));
+        // Only what is a setting: other programs of this project have variables of their own.
+        figment = figment.merge(Env::prefixed("TELECLAY_").only(&FROM_ENVIRONMENT));
         let mut raw: Raw = figment.extract().context("settings")?;
+        // Read as it is: a token of digits is no number.
+        if let Ok(token) = std::env::var("TELECLAY_TOKEN") {
+            raw.token = Some(token);
+        }
         if let Some(listen) = arguments.listen {
             raw.listen = listen;
         }
