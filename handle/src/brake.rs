@@ -67,7 +67,10 @@ impl Brake {
 }
 
 #[cfg(test)]
-#[allow(clippy::float_cmp, reason = "zero and one are meant exactly: a ramp ends, a gain is full")]
+#[allow(
+    clippy::float_cmp,
+    reason = "zero and one are meant exactly: a ramp ends, a gain is full"
+)]
 mod tests {
     use super::*;
 

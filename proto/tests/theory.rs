@@ -93,7 +93,10 @@ fn every_field_is_minded<T: DeserializeOwned + Serialize + Validate>(
     more["more"] = json!(1);
     assert_eq!(verdict::<T>(&more), Some("/more".to_owned()));
     // Where it points depends on how far the array can be read as the fields in order.
-    assert!(verdict::<T>(&json!([sound])).is_some(), "an array passes for an object");
+    assert!(
+        verdict::<T>(&json!([sound])).is_some(),
+        "an array passes for an object"
+    );
 }
 
 #[test]

@@ -12,18 +12,37 @@ use teleclay_proto::join::LoopParameters;
 
 fn main() {
     const RADIUS_M: f64 = 0.0064;
-    let line = Impairment { delay: Duration::from_millis(10), ..Impairment::default() };
+    let line = Impairment {
+        delay: Duration::from_millis(10),
+        ..Impairment::default()
+    };
     let mut rig = Rig::new(Setup {
         parameters: LoopParameters {
             scheme: Scheme::ForceExchange,
             home_m: [0.064, 0.032, 0.064 + RADIUS_M],
             ..LoopParameters::default()
         },
-        clay: Clay::new(&Shape::Block { size_m: [0.128, 0.064, 0.064] }, 5e-4).expect("a block"),
+        clay: Clay::new(
+            &Shape::Block {
+                size_m: [0.128, 0.064, 0.064],
+            },
+            5e-4,
+        )
+        .expect("a block"),
         material: Material::default(),
         tool: ToolShape::Ball(Ball::new(RADIUS_M).expect("a ball")),
-        intent: Intent::cutting(Reach { x_m: 0.045, y_m: 0.018, depth_m: 0.02 }).expect("a reach"),
-        lines: Lines { up: line, up_seed: 1, down: line, down_seed: 2 },
+        intent: Intent::cutting(Reach {
+            x_m: 0.045,
+            y_m: 0.018,
+            depth_m: 0.02,
+        })
+        .expect("a reach"),
+        lines: Lines {
+            up: line,
+            up_seed: 1,
+            down: line,
+            down_seed: 2,
+        },
     })
     .expect("a rig");
     let started = Instant::now();
@@ -31,6 +50,9 @@ fn main() {
     let removed = rig.session().clay().removed_volume_m3() * 1e6;
     #[allow(clippy::print_stdout, reason = "a program")]
     {
-        println!("{:.0} x real time, {removed:.2} cm3 removed", 60.0 / started.elapsed().as_secs_f64());
+        println!(
+            "{:.0} x real time, {removed:.2} cm3 removed",
+            60.0 / started.elapsed().as_secs_f64()
+        );
     }
 }
