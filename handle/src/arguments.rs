@@ -32,10 +32,10 @@ pub struct Arguments {
     /// The session to join
     #[arg(long, value_name = "NAME", default_value = "demo")]
     pub session: SessionId,
-    /// The server, when several can be reached [default: whichever answers]
+    /// The server, when several can be reached (default: whichever answers)
     #[arg(long, value_name = "NAME")]
     pub node: Option<NodeName>,
-    /// Who holds the handle, for people to read [default: USER@HOST]
+    /// Who holds the handle, for people to read (default: USER@HOST)
     #[arg(long, value_name = "NAME", value_parser = operator)]
     pub operator: Option<String>,
     /// The server's token, when it asks for one
@@ -56,7 +56,7 @@ pub struct Arguments {
     /// Corners in m and speeds in m/s, for trajectory: a file or a list such as 0.02,0,0@0.05;0,0,0@0.05
     #[arg(long, value_name = "FILE|LIST", allow_hyphen_values = true)]
     pub waypoints: Option<String>,
-    /// End after this many seconds [default: never]
+    /// End after this many seconds (default: never)
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = seconds)]
     pub seconds: Option<Duration>,
     /// What to ask the scheduler for: fifo or normal

@@ -17,13 +17,13 @@ use teleclay_shell::ticker::Scheduling;
 #[derive(Debug, Parser)]
 #[command(name = "teleclay-server", version)]
 pub struct Arguments {
-    /// Address of the HTTP API and the dashboard [default: 127.0.0.1:8080]
+    /// Address of the HTTP API and the dashboard (default: 127.0.0.1:8080)
     #[arg(long, value_name = "ADDRESS:PORT")]
     listen: Option<SocketAddr>,
-    /// Zenoh endpoint for handles; slow state uses the next port [default: tcp/127.0.0.1:7447]
+    /// Zenoh endpoint for handles; slow state uses the next port (default: tcp/127.0.0.1:7447)
     #[arg(long, value_name = "PROTOCOL/ADDRESS:PORT")]
     zenoh_listen: Option<String>,
-    /// Where session definitions are kept [default: a folder of the user's]
+    /// Where session definitions are kept (default: a folder of the user's)
     #[arg(long, value_name = "DIR")]
     data_dir: Option<PathBuf>,
     /// A TOML file with the same settings, e.g. `listen = "127.0.0.1:9000"`
@@ -32,16 +32,16 @@ pub struct Arguments {
     /// Start without the session `demo`
     #[arg(long)]
     no_demo_session: bool,
-    /// Name of this server on Zenoh [default: local]
+    /// Name of this server on Zenoh (default: local)
     #[arg(long)]
     node: Option<String>,
     /// Origins besides the server's own whose pages may use the API; may be given several times
     #[arg(long = "allow-origin", value_name = "ORIGIN")]
     allow_origins: Vec<String>,
-    /// What to ask the scheduler for: fifo or normal [default: fifo]
+    /// What to ask the scheduler for: fifo or normal (default: fifo)
     #[arg(long)]
     scheduling: Option<Scheduling>,
-    /// Last microseconds of each wait that are spun instead of slept [default: 0]
+    /// Last microseconds of each wait that are spun instead of slept (default: 0)
     #[arg(long)]
     spin_us: Option<u64>,
     /// Ask a running server on --listen whether it is healthy, and exit with 0 or 1

@@ -148,7 +148,7 @@ fn rustdoc(_: &Workspace, interrupt: &Interrupt) -> Result<()> {
     run(
         command(cargo())
             .args(arguments)
-            .env("RUSTDOCFLAGS", "-D warnings"),
+            .env("RUSTDOCFLAGS", "-D warnings -A rustdoc::private_intra_doc_links"),
         interrupt,
     )
 }
