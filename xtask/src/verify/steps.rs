@@ -143,12 +143,16 @@ fn clippy(_: &Workspace, interrupt: &Interrupt) -> Result<()> {
     run(command(cargo()).args(arguments), interrupt)
 }
 
+/// `[KHMH03]` looks like a link to rustdoc; the links step checks such keys against docs/papers.md. Maps name private modules.
+const CITATIONS_ALLOWED: &str =
+    "-D warnings -A rustdoc::broken_intra_doc_links -A rustdoc::private_intra_doc_links";
+
 fn rustdoc(_: &Workspace, interrupt: &Interrupt) -> Result<()> {
     let arguments = ["doc", "--release", "--workspace", "--no-deps", "--locked"];
     run(
         command(cargo())
             .args(arguments)
-            .env("RUSTDOCFLAGS", "-D warnings -A rustdoc::private_intra_doc_links"),
+            .env("RUSTDOCFLAGS", CITATIONS_ALLOWED),
         interrupt,
     )
 }
