@@ -2,12 +2,12 @@
 
 use thiserror::Error;
 
-use crate::carve::{self, Scratch, Start};
+use crate::carve::{self, Cleared, Scratch, Start};
 use crate::changes::Changes;
 use crate::engage::{self, Tool};
 use crate::field::{self, BrickView, Field};
 use crate::grid::{BRICK_EDGE, BrickIndex, Grid};
-use crate::hash;
+use crate::hash::Hashes;
 use crate::law::{self, ContactState, Material, Motion, Response};
 use crate::pose::Pose;
 use crate::shape::{Shape, ShapeError};
@@ -317,13 +317,13 @@ impl Clay {
         if self.changes.unmark_stale(brick) {
             self.hashes.refresh(brick, self.field.view(brick));
         }
-        self.hashes.bricks[brick]
+        self.hashes.of_brick(brick)
     }
 
     /// Hash of the whole clay, grid included. Only bricks changed since the last call are read: about half a microsecond each.
     pub fn hash(&mut self) -> u64 {
         self.refresh_hashes(usize::MAX);
-        self.hashes.total
+        self.hashes.total()
     }
 
     /// Brings up to `most` brick hashes up to date and returns how many are left, to spread the work of [`Clay::hash`] over
@@ -366,67 +366,5 @@ fn first_outside(extent: [usize; 3], view: BrickView<'_>) -> Option<usize> {
             .enumerate()
             .find(|&(at, &voxel)| voxel != 0 && outside(at))
             .map(|(at, _)| at),
-    }
-}
-
-/// Hashes as of when each brick was last looked at.
-#[derive(Clone, Debug)]
-struct Hashes {
-    bricks: Vec<u64>,
-    /// Sum of the shares of grid and bricks.
-    total: u64,
-    empty: u64,
-    full: u64,
-}
-
-impl Hashes {
-    fn none(grid: &Grid) -> Self {
-        let count = grid.brick_count();
-        let mut total = hash::of_grid(grid);
-        for brick in 0..count {
-            total = total.wrapping_add(hash::share_of_brick(brick, 0));
-        }
-        Self {
-            bricks: vec![0; count],
-            total,
-            empty: hash::of_uniform(0),
-            full: hash::of_uniform(field::SOLID),
-        }
-    }
-
-    fn refresh(&mut self, brick: usize, view: BrickView<'_>) {
-        let now = match view {
-            BrickView::Empty => self.empty,
-            BrickView::Full => self.full,
-            BrickView::Voxels(voxels) => hash::of_voxels(voxels),
-        };
-        let before = std::mem::replace(&mut self.bricks[brick], now);
-        self.total = self
-            .total
-            .wrapping_sub(hash::share_of_brick(brick, before))
-            .wrapping_add(hash::share_of_brick(brick, now));
-    }
-}
-
-/// Solids known to be carved where tools last stopped: a sweep that starts there need not look behind itself. Kept per tool, for as many
-/// tools as may work in turns.
-#[derive(Clone, Debug, Default)]
-struct Cleared {
-    places: [Option<(ToolShape, Pose)>; 8],
-    next: usize,
-}
-
-impl Cleared {
-    /// Says whether the sweep's start is clear, and notes that its end is going to be.
-    fn advance(&mut self, sweep: &Sweep) -> Start {
-        let end = Some((sweep.shape, sweep.to));
-        let start = Some((sweep.shape, sweep.from));
-        if let Some(place) = self.places.iter_mut().find(|place| **place == start) {
-            *place = end;
-            return Start::Clear;
-        }
-        self.places[self.next] = end;
-        self.next = (self.next + 1) % self.places.len();
-        Start::Unknown
     }
 }

@@ -55,8 +55,10 @@ impl Field {
             .map(|(lower_m, upper_m)| (lower_m.map(|at| at * scale), upper_m.map(|at| at * scale)))
             .collect();
         for dense in 0..grid.brick_count() {
-            let voxels = fresh_voxels(&grid, BrickIndex::new(dense), &boxes);
-            field.replace(dense, BrickView::Voxels(&voxels));
+            match fresh_voxels(&grid, BrickIndex::new(dense), &boxes) {
+                Some(voxels) => field.replace(dense, BrickView::Voxels(&voxels)),
+                None => field.replace(dense, BrickView::Full),
+            };
         }
         field
     }
@@ -129,6 +131,22 @@ impl Field {
                 self.slot(slot)[(z * BRICK_EDGE + y) * BRICK_EDGE + x]
             }
         }
+    }
+
+    /// Whether all voxels from one up to and including another, and all between, are in bricks without clay or outside the grid.
+    pub(crate) fn is_air(&self, lowest: [i32; 3], highest: [i32; 3]) -> bool {
+        let counts = self.grid.bricks().map(i32::from);
+        let edge = BRICK_EDGE as i32;
+        let range = |axis: usize| {
+            lowest[axis].div_euclid(edge).max(0)
+                ..(highest[axis].div_euclid(edge) + 1).min(counts[axis])
+        };
+        range(2).all(|z| {
+            range(1).all(|y| {
+                let row = (z * counts[1] + y) * counts[0];
+                range(0).all(|x| self.bricks[(row + x) as usize] == Brick::Empty)
+            })
+        })
     }
 
     /// Gives a full brick a slot of its own, so that part of it can be removed.
@@ -244,11 +262,12 @@ pub(crate) fn canonical(view: BrickView<'_>) -> BrickView<'_> {
     }
 }
 
+/// Occupancies of a brick of disjoint boxes, in voxels; `None` if one box fills it.
 fn fresh_voxels(
     grid: &Grid,
     index: BrickIndex,
     boxes: &[([f64; 3], [f64; 3])],
-) -> [u8; BRICK_VOXELS] {
+) -> Option<[u8; BRICK_VOXELS]> {
     let first = grid
         .brick_coordinates(index)
         .map(|at| usize::from(at) * BRICK_EDGE);
@@ -257,6 +276,15 @@ fn fresh_voxels(
         let along: [[f64; BRICK_EDGE]; 3] = std::array::from_fn(|axis| {
             std::array::from_fn(|at| covered_share(first[axis] + at, lower[axis], upper[axis]))
         });
+        if along.iter().flatten().all(|&share| 1.0 <= share) {
+            return None;
+        }
+        if along
+            .iter()
+            .any(|shares| shares.iter().all(|&share| share <= 0.0))
+        {
+            continue;
+        }
         for (at, share) in shares.iter_mut().enumerate() {
             let (x, y, z) = (
                 at % BRICK_EDGE,
@@ -270,7 +298,7 @@ fn fresh_voxels(
     for (voxel, share) in voxels.iter_mut().zip(shares) {
         *voxel = (share * f64::from(SOLID) + 0.5).min(f64::from(SOLID)) as u8;
     }
-    voxels
+    Some(voxels)
 }
 
 #[cfg(test)]
@@ -334,6 +362,19 @@ mod tests {
         assert_eq!(field.occupancy([29, 9, 9]), 255);
         let volume_m3 = field.total() as f64 / 255.0 * 1e-9;
         assert!((volume_m3 / shape.volume_m3() - 1.0).abs() < 1e-3);
+    }
+
+    #[test]
+    fn air_is_where_no_brick_with_clay_is() {
+        let mut field = field([0.040, 0.032, 0.016]);
+        assert!(field.is_air([-9, -9, -9], [-1, 90, 90]));
+        assert!(field.is_air([0, 0, 16], [90, 90, 90]));
+        assert!(!field.is_air([-9, -9, -9], [0, 0, 0]));
+        assert!(!field.is_air([-9, -9, -9], [90, 90, 90]));
+        assert!(!field.is_air([33, 17, 3], [33, 17, 3]));
+        assert!(field.replace(0, BrickView::Empty));
+        assert!(field.is_air([-5, -5, -5], [15, 15, 15]));
+        assert!(!field.is_air([-5, -5, -5], [16, 15, 15]));
     }
 
     #[test]

@@ -10,6 +10,7 @@
 //! which loses nothing, so one changed occupancy always changes its lane. The lanes are then folded by the same step and a
 //! finaliser of shifts and multiplications. It guards against accidents, not against an adversary.
 
+use crate::field::{BrickView, SOLID};
 use crate::grid::{BRICK_VOXELS, Grid};
 
 /// The multiplier is odd, hence invertible modulo 2^64; its bits are those of the golden ratio.
@@ -18,26 +19,76 @@ const ODD: u64 = 0x9E37_79B9_7F4A_7C15;
 const ODD_TOO: u64 = 0x6A09_E667_F3BC_C909;
 const LANES: usize = 8;
 
+/// Hashes as of when each brick was last looked at.
+#[derive(Clone, Debug)]
+pub(crate) struct Hashes {
+    bricks: Vec<u64>,
+    /// Sum of the shares of grid and bricks.
+    total: u64,
+    empty: u64,
+    full: u64,
+}
+
+impl Hashes {
+    /// Of a grid whose bricks are all still to be looked at.
+    pub(crate) fn none(grid: &Grid) -> Self {
+        let count = grid.brick_count();
+        let mut total = of_grid(grid);
+        for brick in 0..count {
+            total = total.wrapping_add(share_of_brick(brick, 0));
+        }
+        Self {
+            bricks: vec![0; count],
+            total,
+            empty: of_uniform(0),
+            full: of_uniform(SOLID),
+        }
+    }
+
+    pub(crate) fn of_brick(&self, brick: usize) -> u64 {
+        self.bricks[brick]
+    }
+
+    /// Hash of the whole clay.
+    pub(crate) const fn total(&self) -> u64 {
+        self.total
+    }
+
+    /// Looks at a brick again.
+    pub(crate) fn refresh(&mut self, brick: usize, view: BrickView<'_>) {
+        let now = match view {
+            BrickView::Empty => self.empty,
+            BrickView::Full => self.full,
+            BrickView::Voxels(voxels) => of_voxels(voxels),
+        };
+        let before = std::mem::replace(&mut self.bricks[brick], now);
+        self.total = self
+            .total
+            .wrapping_sub(share_of_brick(brick, before))
+            .wrapping_add(share_of_brick(brick, now));
+    }
+}
+
 /// Hash of a brick's occupancies.
-pub(crate) fn of_voxels(voxels: &[u8; BRICK_VOXELS]) -> u64 {
+fn of_voxels(voxels: &[u8; BRICK_VOXELS]) -> u64 {
     let (words, _) = voxels.as_chunks::<8>();
     of_words(words.iter().map(|bytes| u64::from_le_bytes(*bytes)))
 }
 
 /// Hash of a brick whose occupancies are all the same.
-pub(crate) fn of_uniform(occupancy: u8) -> u64 {
+fn of_uniform(occupancy: u8) -> u64 {
     let word = u64::from_le_bytes([occupancy; 8]);
     of_words(std::iter::repeat_n(word, BRICK_VOXELS / 8))
 }
 
 /// What a brick adds to the hash of the whole clay. Sums of these do not depend on the order of bricks, and one brick's share can be
 /// taken out and put back.
-pub(crate) fn share_of_brick(brick: usize, brick_hash: u64) -> u64 {
+fn share_of_brick(brick: usize, brick_hash: u64) -> u64 {
     finish(step(brick_hash, brick as u64))
 }
 
 /// What the grid itself adds to the hash of the whole clay.
-pub(crate) fn of_grid(grid: &Grid) -> u64 {
+fn of_grid(grid: &Grid) -> u64 {
     let [x, y, z] = grid.voxels().map(u64::from);
     finish(step(
         step(ODD, x | y << 16 | z << 32),

@@ -1,7 +1,8 @@
 //! A ball swept along a straight way: a capsule.
 
-use super::left_over;
-use super::{MOST_GROUPS, RAMP, ROWS, SLACK, Solid, Spans, Start, Tables, Way};
+use super::way::Way;
+use super::work::{MOST_GROUPS, ROWS, Tables};
+use super::{Place, RAMP, SLACK, Solid, Spans, Start, left_over};
 use crate::lanes::{Bytes, Floats, LANES};
 use crate::tool::Ball;
 
@@ -10,9 +11,9 @@ const SHORT: f64 = 2.0;
 
 /// The capsule in voxel units, voxel centres at whole numbers.
 ///
-/// The distance of a voxel is the least of three: to the ball at the start, to the ball at the end and, between them, to
-/// the cylinder. With the least taken literally, rounding can never make a sweep leave more over than either of its end
-/// balls would, which is what makes skipping a ball already carved exact.
+/// The distance of a voxel is that from the nearest point of the way, or from its end where rounding makes that the nearer one. So
+/// a sweep never leaves more over than the ball at its end, and behind its start exactly what the ball there would: to skip a
+/// ball already carved changes nothing, not even a last bit.
 pub(super) struct BallSweep {
     radius: f32,
     /// What to add to a voxel's index to get the way to it from the start, the end and the middle.
@@ -223,24 +224,36 @@ impl Solid for BallSweep {
         }
     }
 
+    /// Past the end, by enough that rounding cannot say otherwise, only the end matters.
     #[inline(always)]
-    fn leaves(&self, tables: &Tables, voxel: [i32; 3], row: usize) -> Bytes {
-        let group = voxel[0] as usize / LANES % MOST_GROUPS;
-        let [row_ahead, row_squared] = &*tables.rows;
-        let (ahead, squared) = (row_ahead[row % ROWS], row_squared[row % ROWS]);
-        let to_squared = Floats::load(&tables.columns[group]) + Floats::splat(squared);
-        // Past the end, by enough that rounding cannot say otherwise, the end is the nearest point of the way.
-        if self.end_only_from <= tables.column_bounds[group] + ahead {
-            return self.left_over(to_squared);
-        }
-        self.left_over(self.nearest(voxel, ahead).lesser(to_squared))
+    fn leaves_at_most(&self, tables: &Tables, at: Place) -> (Bytes, bool) {
+        let [ahead, _] = &*tables.rows;
+        let place = tables.column_bounds[at.group % MOST_GROUPS] + ahead[at.row % ROWS];
+        (
+            self.left_over(from_end_squared(tables, at)),
+            place < self.end_only_from,
+        )
     }
+
+    #[inline(always)]
+    fn leaves(&self, tables: &Tables, at: Place) -> Bytes {
+        let [ahead, _] = &*tables.rows;
+        let nearest = self.nearest_squared(at.voxel, ahead[at.row % ROWS]);
+        self.left_over(nearest.lesser(from_end_squared(tables, at)))
+    }
+}
+
+/// Squared distances from the end of the way.
+#[inline(always)]
+fn from_end_squared(tables: &Tables, at: Place) -> Floats {
+    let [_, row] = &*tables.rows;
+    Floats::load(&tables.columns[at.group % MOST_GROUPS]) + Floats::splat(row[at.row % ROWS])
 }
 
 impl BallSweep {
     /// Squared distance from the nearest point of the way; from its end too, but for rounding.
     #[inline(always)]
-    fn nearest(&self, [x, y, z]: [i32; 3], ahead: f32) -> Floats {
+    fn nearest_squared(&self, [x, y, z]: [i32; 3], ahead: f32) -> Floats {
         let from_x = Floats::from(x) + Floats::splat(self.from[0]);
         let (from_y, from_z) = (y as f32 + self.from[1], z as f32 + self.from[2]);
         let [along_x, along_y, along_z] = self.step;

@@ -5,7 +5,9 @@
 //! the distances outside these planes, that outside a box the greatest outside its six; a voxel counts by the least of hull and boxes,
 //! which differ only outside the edges of the boxes.
 
-use super::{RAMP, ROWS, SLACK, Solid, Spans, Start, Tables, Way, left_over};
+use super::way::Way;
+use super::work::{MOST_GROUPS, ROWS, Tables};
+use super::{Place, RAMP, SLACK, Solid, Spans, Start, left_over};
 use crate::lanes::{Bytes, Floats, LANES};
 use crate::tool::{Blade, ToolShape};
 
@@ -229,10 +231,22 @@ impl Solid for BladeSweep {
     }
 
     #[inline(always)]
-    fn leaves(&self, tables: &Tables, [x, y, z]: [i32; 3], row: usize) -> Bytes {
-        let group = x as usize / LANES % tables.columns.len();
-        let hull =
-            Floats::load(&tables.columns[group]).greater(Floats::splat(tables.rows[0][row % ROWS]));
+    fn leaves_at_most(&self, tables: &Tables, at: Place) -> (Bytes, bool) {
+        (self.leaves(tables, at), false)
+    }
+
+    #[inline(always)]
+    fn leaves(
+        &self,
+        tables: &Tables,
+        Place {
+            voxel: [x, y, z],
+            row,
+            group,
+        }: Place,
+    ) -> Bytes {
+        let hull = Floats::load(&tables.columns[group % MOST_GROUPS])
+            .greater(Floats::splat(tables.rows[0][row % ROWS]));
         let Some(slabs) = &self.slabs else {
             return left_over(hull);
         };
@@ -246,7 +260,7 @@ impl Solid for BladeSweep {
         for slab in slabs {
             hull = hull.greater(slab.along_normal(middle).abs() - Floats::splat(slab.half));
         }
-        // The hull lies about both boxes, but for rounding.
+        // The hull lies about both boxes, but for rounding and outside their edges.
         let ends = self
             .outside_box(&self.from, at)
             .lesser(self.outside_box(&self.to, at));

@@ -1,0 +1,67 @@
+//! Where a sweep leads through the voxels.
+
+use crate::pose::STEPS_PER_METRE;
+use crate::sweep::Sweep;
+
+/// Rounding error of a coordinate in single precision, relative to the largest that occurs: half a unit in the last place for the
+/// offset and for the sum, and as much again in reserve.
+const COORDINATE_ERROR: f64 = 2.4e-7;
+
+/// A sweep's poses in voxels, with voxel centres at whole numbers.
+pub(super) struct Way {
+    pub(super) from: [f64; 3],
+    pub(super) to: [f64; 3],
+    pub(super) per_metre: f64,
+    /// Bound on the rounding error of single-precision coordinates about this way, in voxels.
+    pub(super) rounding: f64,
+}
+
+impl Way {
+    pub(super) fn new(sweep: &Sweep, voxel_size_m: f64) -> Self {
+        let per_metre = 1.0 / voxel_size_m;
+        let per_step = per_metre / STEPS_PER_METRE;
+        let in_voxels = |steps: [i32; 3]| steps.map(|step| f64::from(step) * per_step - 0.5);
+        let (from, to) = (in_voxels(sweep.from.steps()), in_voxels(sweep.to.steps()));
+        let far = from
+            .iter()
+            .chain(&to)
+            .fold(512.0, |far: f64, at| far.max(at.abs()));
+        Self {
+            from,
+            to,
+            per_metre,
+            rounding: far * COORDINATE_ERROR,
+        }
+    }
+
+    /// The way of a point of the tool that is this far from its pose, in voxels.
+    pub(super) fn shifted(&self, offset: [f64; 3]) -> Self {
+        let shift = |at: [f64; 3]| std::array::from_fn(|axis| at[axis] + offset[axis]);
+        Self {
+            from: shift(self.from),
+            to: shift(self.to),
+            ..*self
+        }
+    }
+
+    pub(super) fn step(&self) -> [f64; 3] {
+        std::array::from_fn(|axis| self.to[axis] - self.from[axis])
+    }
+
+    pub(super) fn middle(&self) -> [f64; 3] {
+        std::array::from_fn(|axis| 0.5 * (self.from[axis] + self.to[axis]))
+    }
+
+    /// Voxels within `reach` of the way along each axis, from the first up to but not including the last.
+    pub(super) fn bounds(&self, reach: [f64; 3]) -> [[i32; 2]; 3] {
+        // Grids end far below 1000, so clamping there loses nothing and keeps the conversion exact.
+        let index = |at: f64| at.clamp(-1.0, 1000.0) as i32;
+        std::array::from_fn(|axis| {
+            let (a, b) = (self.from[axis], self.to[axis]);
+            [
+                index(a.min(b) - reach[axis]),
+                index(a.max(b) + reach[axis] + 1.0),
+            ]
+        })
+    }
+}
