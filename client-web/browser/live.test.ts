@@ -5,13 +5,13 @@ import type { Browser } from "playwright-core";
 import { afterAll, beforeAll, describe, expect, it, onTestFailed } from "vitest";
 import { Teleclay } from "./processes";
 import { until } from "./until";
-import { launch, WatchedPage } from "./watched_page";
+import { launch, VIEWPORT, WatchedPage } from "./watched_page";
 
 /** Share of the picture that a cut has to change before it counts as seen. */
 const SEEN = 0.004;
 
 let teleclay: Teleclay;
-let browser: Browser;
+let browser: Browser | undefined;
 let live: WatchedPage;
 
 beforeAll(async () => {
@@ -23,7 +23,7 @@ beforeAll(async () => {
 });
 
 afterAll(async () => {
-  await browser.close();
+  await browser?.close();
   await teleclay.end();
 });
 
@@ -162,7 +162,7 @@ describe("the Live page", () => {
     await live.page.setViewportSize({ width: 390, height: 844 });
     expect(await live.page.evaluate(() => document.documentElement.scrollWidth)).toBe(390);
     await live.keep("telephone");
-    await live.page.setViewportSize({ width: 1280, height: 800 });
+    await live.page.setViewportSize(VIEWPORT);
     const theme = live.page.getByRole("button", { name: /Theme/ });
     for (const wanted of ["light", "dark"]) {
       await until(`the theme is ${wanted}`, async () => {

@@ -22,7 +22,10 @@ class Program {
 
   constructor(name: string, parameters: readonly string[]) {
     this.#name = name;
-    this.#child = spawn(join(BINARIES, name), parameters, { stdio: ["ignore", "pipe", "pipe"] });
+    this.#child = spawn(join(BINARIES, name), parameters, {
+      stdio: ["ignore", "pipe", "pipe"],
+      env: withoutSettings(process.env),
+    });
     this.#ended = new Promise((resume) => {
       this.#child.once("exit", () => resume());
       this.#child.once("error", (error) => {
@@ -111,6 +114,11 @@ export class Teleclay {
   get said(): string {
     return [this.#server?.said, this.#handle?.said].join("\n");
   }
+}
+
+/** The programs take settings from the environment: what is meant for the tests must not reach them. */
+function withoutSettings(environment: NodeJS.ProcessEnv): NodeJS.ProcessEnv {
+  return Object.fromEntries(Object.entries(environment).filter(([name]) => !name.startsWith("TELECLAY_")));
 }
 
 /** The first of `count` ports in a row that nobody listens on. */

@@ -10,6 +10,8 @@ import { SurfaceFinder } from "./surface";
 
 /** Meshes are handed over this often, ms, so that a whole new block appears piece by piece and messages get their turn. */
 const SLICE_MS = 12;
+/** After a slice, ms. Two cores are just enough for a loop: there the worker leaves as much time as it takes. */
+const REST_MS = navigator.hardwareConcurrency <= 2 ? SLICE_MS : 0;
 
 const mirror = new ClayMirror();
 const around = new Neighbourhood();
@@ -63,7 +65,7 @@ function meshSlice(): void {
     regridded = false;
   }
   working = 0 < mirror.staleBricks;
-  if (working) continueLater();
+  if (working) setTimeout(meshSlice, REST_MS);
 }
 
 function meshBrick(index: number): MeshedBrick["mesh"] {

@@ -11,7 +11,7 @@ const UP = new THREE.Vector3(0, 1, 0);
 
 export class Arrow {
   readonly group = new THREE.Group();
-  readonly #material = new THREE.MeshBasicMaterial({ transparent: true, opacity: 0.95, depthTest: false });
+  readonly #material = new THREE.MeshBasicMaterial({ transparent: true, opacity: 0.95, depthTest: false, toneMapped: false });
   readonly #shaft: THREE.Mesh;
   readonly #head: THREE.Mesh;
 

@@ -1,15 +1,15 @@
 import { describe, expect, it } from "vitest";
-import { Pace } from "./pace";
+import { DISPLAY, Pace, PROCESSOR } from "./pace";
 
 describe("the pace", () => {
   it("stays fine while frames keep up", () => {
-    const pace = new Pace(1, 0.4);
+    const pace = new Pace(1, 0.4, DISPLAY);
     run(pace, 0, 600, () => 16.7);
     expect(pace.scale).toBe(1);
   });
 
   it("draws coarser where frames are slow, as far as it must, and settles", () => {
-    const pace = new Pace(1, 0.4);
+    const pace = new Pace(1, 0.4, DISPLAY);
     // A machine whose frames take as long as their pixels.
     const end_ms = run(pace, 0, 600, () => 40 * pace.scale ** 2);
     const settled = pace.scale;
@@ -22,13 +22,20 @@ describe("the pace", () => {
   });
 
   it("never goes below its coarsest, even at a frame a second", () => {
-    const pace = new Pace(1, 0.4);
+    const pace = new Pace(1, 0.4, DISPLAY);
     run(pace, 0, 60, () => 1000);
     expect(pace.scale).toBe(0.4);
   });
 
+  it("leaves a processor that draws most of its time", () => {
+    const pace = new Pace(0.7, 0.4, PROCESSOR);
+    for (let n = 0; n < 600; n += 1) pace.take(90 * pace.scale ** 2);
+    expect(90 * pace.scale ** 2).toBeLessThan(32);
+    expect(pace.scale).toBeGreaterThan(0.45);
+  });
+
   it("takes a scene at rest for no slow frame", () => {
-    const pace = new Pace(1, 0.4);
+    const pace = new Pace(1, 0.4, DISPLAY);
     for (let n = 0; n < 100; n += 1) pace.add(n * 5000);
     expect(pace.scale).toBe(1);
   });

@@ -3,11 +3,19 @@
 /** Frames that are averaged before anything is changed, or as many as come in this time, ms. */
 const FRAMES = 24;
 const LONG_ENOUGH_MS = 1200;
-/** Above this a frame misses the display's next turn, ms; below that there is room for more pixels. */
-const TOO_SLOW_MS = 22;
-const PLENTY_MS = 17.5;
-/** What a change aims at, between the two. */
-const WANTED_MS = 19;
+
+/** Durations of a frame, ms: above `tooSlow` it is drawn coarser, aiming at `wanted`; below `plenty` there is room for more pixels. */
+export interface PaceLimits {
+  readonly tooSlow_ms: number;
+  readonly wanted_ms: number;
+  readonly plenty_ms: number;
+}
+
+/** From frame to frame: a longer one misses the display's next turn. */
+export const DISPLAY: PaceLimits = { tooSlow_ms: 22, wanted_ms: 19, plenty_ms: 17.5 };
+/** From the first command to the last pixel, where the processor draws: at twelve frames a second, a third of one core's time. */
+export const PROCESSOR: PaceLimits = { tooSlow_ms: 32, wanted_ms: 26, plenty_ms: 18 };
+
 /** A pause this long is a hidden page or a scene at rest, not a slow frame, ms. */
 const PAUSE_MS = 2500;
 export const COARSEST = 0.4;
@@ -23,18 +31,25 @@ export class Pace {
   #calm = 0;
 
   readonly #coarsest: number;
+  readonly #limits: PaceLimits;
 
-  constructor(scale: number, coarsest: number) {
+  constructor(scale: number, coarsest: number, limits: PaceLimits) {
     this.scale = Math.max(scale, coarsest);
     this.#coarsest = coarsest;
+    this.#limits = limits;
   }
 
-  /** Takes the time of a drawn frame in; returns whether the scale changed. */
+  /** Takes the moment of a drawn frame in; returns whether the scale changed. */
   add(now_ms: number): boolean {
     const last_ms = this.#last_ms;
     this.#last_ms = now_ms;
     if (last_ms === undefined || PAUSE_MS < now_ms - last_ms) return false;
-    this.#sum_ms += now_ms - last_ms;
+    return this.take(now_ms - last_ms);
+  }
+
+  /** Takes the duration of a frame in; returns whether the scale changed. */
+  take(duration_ms: number): boolean {
+    this.#sum_ms += duration_ms;
     this.#frames += 1;
     if (this.#frames < FRAMES && this.#sum_ms < LONG_ENOUGH_MS) return false;
     const mean_ms = this.#sum_ms / this.#frames;
@@ -44,13 +59,14 @@ export class Pace {
   }
 
   #adapt(mean_ms: number): boolean {
-    if (TOO_SLOW_MS < mean_ms && this.#coarsest < this.scale) {
-      this.scale = Math.max(this.scale * Math.max(Math.sqrt(WANTED_MS / mean_ms), 0.7), this.#coarsest);
+    const { tooSlow_ms, wanted_ms, plenty_ms } = this.#limits;
+    if (tooSlow_ms < mean_ms && this.#coarsest < this.scale) {
+      this.scale = Math.max(this.scale * Math.max(Math.sqrt(wanted_ms / mean_ms), 0.7), this.#coarsest);
       this.#patience = Math.min(this.#patience * 2, 64);
       this.#calm = 0;
       return true;
     }
-    if (PLENTY_MS < mean_ms || 1 <= this.scale) return false;
+    if (plenty_ms < mean_ms || 1 <= this.scale) return false;
     this.#calm += 1;
     if (this.#calm < this.#patience) return false;
     this.#calm = 0;

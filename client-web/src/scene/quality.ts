@@ -14,18 +14,28 @@ export function contextOf(
   canvas: HTMLCanvasElement,
   wanted: Quality | undefined,
 ): { context: WebGL2RenderingContext; quality: Quality } {
-  const quality = wanted ?? qualityHere();
+  const quality = wanted ?? (processorDraws() ? "plain" : "fine");
   const context = canvas.getContext("webgl2", { powerPreference: "high-performance", alpha: false, antialias: quality === "fine" });
   if (context === null) throw new Error("this browser draws no WebGL 2");
   return { context, quality };
 }
 
-/** Asks a context of its own: whether edges are smoothed has to be said when the real one is made. */
-function qualityHere(): Quality {
+let known: boolean | undefined;
+
+/**
+ * Whether pictures are drawn by the processor, for want of a graphics card. Asks a context of its own: whether edges are
+ * smoothed has to be said when the real one is made.
+ */
+export function processorDraws(): boolean {
+  known ??= askRenderer();
+  return known;
+}
+
+function askRenderer(): boolean {
   const probe = document.createElement("canvas").getContext("webgl2");
-  if (probe === null) return "plain";
+  if (probe === null) return true;
   const details = probe.getExtension("WEBGL_debug_renderer_info");
   const name: unknown = probe.getParameter(details === null ? probe.RENDERER : details.UNMASKED_RENDERER_WEBGL);
   probe.getExtension("WEBGL_lose_context")?.loseContext();
-  return SOFTWARE.test(String(name)) ? "plain" : "fine";
+  return SOFTWARE.test(String(name));
 }

@@ -1,17 +1,9 @@
 // Light, ground and scale: what stands still around the clay. Scene units are millimetres, z up.
 
 import * as THREE from "three";
+import { type Ground, LineGround, SmoothGround, type StageColours } from "./ground";
 import type { Quality } from "./quality";
 
-/** Colours of one theme, as CSS writes them. */
-export interface StageColours {
-  readonly background: string;
-  readonly ground: string;
-  readonly line: string;
-  readonly text: string;
-}
-
-const GROUND_MM = 900;
 /** Just below the clay's underside, so that the two do not fight for the same pixels. */
 const GROUND_Z_MM = -0.08;
 const LABEL_EVERY_MM = 50;
@@ -22,7 +14,7 @@ export class Stage {
   readonly #key = new THREE.DirectionalLight(0xfff1e2, 2.8);
   readonly #sky = new THREE.HemisphereLight(0xe9f1ff, 0x9a8270, 1.2);
   readonly #rim = new THREE.DirectionalLight(0xcfe0ff, 0.55);
-  readonly #ground: THREE.Mesh<THREE.PlaneGeometry, THREE.ShaderMaterial>;
+  readonly #ground: Ground;
   readonly #shade: THREE.Mesh<THREE.PlaneGeometry, THREE.ShadowMaterial>;
   #labels: FlatText[] = [];
   #size = new THREE.Vector3(128, 64, 64);
@@ -34,13 +26,11 @@ export class Stage {
     this.#key.shadow.bias = -0.0006;
     this.#key.shadow.normalBias = 0.7;
     this.#key.shadow.radius = 5;
-    const plane = new THREE.PlaneGeometry(GROUND_MM, GROUND_MM);
-    this.#ground = new THREE.Mesh(plane, gridMaterial());
-    this.#ground.position.z = GROUND_Z_MM;
-    this.#shade = new THREE.Mesh(plane, new THREE.ShadowMaterial({ opacity: 0.28 }));
+    this.#ground = quality === "fine" ? new SmoothGround() : new LineGround();
+    this.#shade = new THREE.Mesh(new THREE.PlaneGeometry(1, 1), new THREE.ShadowMaterial({ opacity: 0.28 }));
     this.#shade.position.z = GROUND_Z_MM / 2;
     this.#shade.receiveShadow = true;
-    this.group.add(this.#sky, this.#key, this.#key.target, this.#rim, this.#rim.target, this.#ground, this.#shade);
+    this.group.add(this.#sky, this.#key, this.#key.target, this.#rim, this.#rim.target, this.#ground.object, this.#shade);
     this.fit(this.#size);
   }
 
@@ -59,17 +49,17 @@ export class Stage {
     camera.near = reach;
     camera.far = reach * 6;
     camera.updateProjectionMatrix();
-    this.#ground.position.x = this.#shade.position.x = centre.x;
-    this.#ground.position.y = this.#shade.position.y = centre.y;
+    const wholeGrid = (mm: number): number => Math.round(mm / LABEL_EVERY_MM) * LABEL_EVERY_MM;
+    this.#ground.object.position.set(wholeGrid(centre.x), wholeGrid(centre.y), GROUND_Z_MM);
+    // Only where shadows can fall: the rest of the ground costs nothing then.
+    this.#shade.position.setX(centre.x).setY(centre.y);
+    this.#shade.scale.setScalar(reach * 3.2);
     this.#label();
   }
 
   colour(colours: StageColours, dark: boolean): void {
     this.#colours = colours;
-    const { uniforms } = this.#ground.material;
-    uniforms["ground"].value = new THREE.Color(colours.ground);
-    uniforms["line"].value = new THREE.Color(colours.line);
-    uniforms["background"].value = new THREE.Color(colours.background);
+    this.#ground.colour(colours);
     this.#shade.material.opacity = dark ? 0.42 : 0.22;
     this.#key.intensity = dark ? 2.5 : 2.8;
     this.#sky.intensity = dark ? 0.9 : 1.2;
@@ -77,8 +67,8 @@ export class Stage {
   }
 
   dispose(): void {
-    this.#ground.geometry.dispose();
-    this.#ground.material.dispose();
+    this.#ground.dispose();
+    this.#shade.geometry.dispose();
     this.#shade.material.dispose();
     this.#key.dispose();
     this.#sky.dispose();
@@ -132,41 +122,9 @@ function flatText(text: string, colour: string, x: number, y: number): FlatText 
   const map = new THREE.CanvasTexture(canvas);
   map.colorSpace = THREE.SRGBColorSpace;
   map.anisotropy = 8;
-  const material = new THREE.MeshBasicMaterial({ map, transparent: true, depthWrite: false });
+  const material = new THREE.MeshBasicMaterial({ map, transparent: true, depthWrite: false, toneMapped: false });
   const geometry = new THREE.PlaneGeometry((LABEL_HEIGHT_MM * canvas.width) / height, LABEL_HEIGHT_MM);
   const mesh = new THREE.Mesh(geometry, material);
   mesh.position.set(x, y, 0);
   return mesh;
-}
-
-/** A grid of 10 mm with every fifth line stronger, that fades into the background. Lines keep their width on screen. */
-function gridMaterial(): THREE.ShaderMaterial {
-  return new THREE.ShaderMaterial({
-    uniforms: { ground: { value: null }, line: { value: null }, background: { value: null } },
-    vertexShader: /* glsl */ `
-      varying vec2 place;
-      varying vec2 fromCentre;
-      void main() {
-        vec4 world = modelMatrix * vec4(position, 1.0);
-        place = world.xy;
-        fromCentre = position.xy;
-        gl_Position = projectionMatrix * viewMatrix * world;
-      }`,
-    fragmentShader: /* glsl */ `
-      uniform vec3 ground, line, background;
-      varying vec2 place, fromCentre;
-      float lines(float every) {
-        vec2 at = place / every;
-        vec2 width = fwidth(at);
-        vec2 near = abs(fract(at - 0.5) - 0.5) / max(width, 1e-6);
-        float dense = clamp(1.0 - 2.0 * max(width.x, width.y), 0.0, 1.0);
-        return (1.0 - min(min(near.x, near.y), 1.0)) * dense;
-      }
-      void main() {
-        float strength = max(0.45 * lines(10.0), lines(50.0));
-        float fade = smoothstep(${(GROUND_MM / 2).toFixed(1)}, 90.0, length(fromCentre));
-        gl_FragColor = vec4(mix(background, mix(ground, line, strength), fade), 1.0);
-        #include <colorspace_fragment>
-      }`,
-  });
 }

@@ -1,6 +1,7 @@
 // The tool in the clay, and the ghost of it where the handle would have it.
 
 import * as THREE from "three";
+import type { Quality } from "./quality";
 import { RoomEnvironment } from "three/examples/jsm/environments/RoomEnvironment.js";
 
 /** Millimetres. */
@@ -17,22 +18,23 @@ export class ToolModel {
   readonly #tool = new THREE.Group();
   readonly #ghost = new THREE.Group();
   readonly #tether: THREE.Line<THREE.BufferGeometry, THREE.LineBasicMaterial>;
-  readonly #metal: THREE.MeshStandardMaterial;
-  readonly #dark: THREE.MeshStandardMaterial;
-  readonly #ghostFill = new THREE.MeshBasicMaterial({ transparent: true, opacity: 0.16, depthWrite: false });
-  readonly #ghostLine = new THREE.LineBasicMaterial({ transparent: true, opacity: 0.9 });
-  readonly #environment: THREE.WebGLRenderTarget;
+  readonly #metal: THREE.Material;
+  readonly #dark: THREE.Material;
+  readonly #ghostFill = new THREE.MeshBasicMaterial({ transparent: true, opacity: 0.16, depthWrite: false, toneMapped: false });
+  readonly #ghostLine = new THREE.LineBasicMaterial({ transparent: true, opacity: 0.9, toneMapped: false });
+  readonly #environment: THREE.WebGLRenderTarget | undefined;
   #geometries: THREE.BufferGeometry[] = [];
 
-  constructor(renderer: THREE.WebGLRenderer) {
-    const generator = new THREE.PMREMGenerator(renderer);
-    const room = new RoomEnvironment();
-    this.#environment = generator.fromScene(room, 0.04);
-    room.dispose();
-    generator.dispose();
-    const envMap = this.#environment.texture;
-    this.#metal = new THREE.MeshStandardMaterial({ color: 0xc9d0d8, metalness: 0.95, roughness: 0.28, envMap });
-    this.#dark = new THREE.MeshStandardMaterial({ color: 0x2c3440, metalness: 0.4, roughness: 0.5, envMap });
+  constructor(renderer: THREE.WebGLRenderer, quality: Quality) {
+    if (quality === "fine") {
+      this.#environment = roomAround(renderer);
+      const envMap = this.#environment.texture;
+      this.#metal = new THREE.MeshStandardMaterial({ color: 0xc9d0d8, metalness: 0.95, roughness: 0.28, envMap });
+      this.#dark = new THREE.MeshStandardMaterial({ color: 0x2c3440, metalness: 0.4, roughness: 0.5, envMap });
+    } else {
+      this.#metal = new THREE.MeshPhongMaterial({ color: 0x9aa3ad, specular: 0x888888, shininess: 60 });
+      this.#dark = new THREE.MeshLambertMaterial({ color: 0x39424e });
+    }
     this.#tether = new THREE.Line(new THREE.BufferGeometry(), this.#ghostLine);
     this.#tether.geometry.setAttribute("position", new THREE.BufferAttribute(new Float32Array(6), 3));
     this.#tether.frustumCulled = false;
@@ -88,13 +90,23 @@ export class ToolModel {
     this.#disposeGeometries();
     this.#tether.geometry.dispose();
     for (const material of [this.#metal, this.#dark, this.#ghostFill, this.#ghostLine]) material.dispose();
-    this.#environment.dispose();
+    this.#environment?.dispose();
   }
 
   #disposeGeometries(): void {
     for (const geometry of this.#geometries) geometry.dispose();
     this.#geometries = [];
   }
+}
+
+/** A bright room for metal to mirror. */
+function roomAround(renderer: THREE.WebGLRenderer): THREE.WebGLRenderTarget {
+  const generator = new THREE.PMREMGenerator(renderer);
+  const room = new RoomEnvironment();
+  const environment = generator.fromScene(room, 0.04);
+  room.dispose();
+  generator.dispose();
+  return environment;
 }
 
 /** Three great circles: the outline of a ball from any side. */

@@ -14,7 +14,9 @@ export class Trail {
     const geometry = new THREE.BufferGeometry();
     geometry.setAttribute("position", this.#positions);
     geometry.setAttribute("color", this.#colours);
-    this.line = new THREE.Line(geometry, new THREE.LineBasicMaterial({ vertexColors: true, transparent: true, depthWrite: false }));
+    this.line = new THREE.Line(geometry, new THREE.LineBasicMaterial({
+      vertexColors: true, transparent: true, depthWrite: false, toneMapped: false,
+    }));
     this.line.frustumCulled = false;
   }
 

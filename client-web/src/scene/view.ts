@@ -6,9 +6,11 @@ import type { Meshes } from "../clay/port";
 import type { ToolShape, Vector } from "../protocol/session";
 import { Arrow } from "./arrow";
 import { ClayMesh } from "./clay_mesh";
-import { COARSEST, Pace } from "./pace";
-import { contextOf, type Quality } from "./quality";
-import { Stage, type StageColours } from "./stage";
+import { Finish } from "./finish";
+import type { StageColours } from "./ground";
+import { COARSEST, DISPLAY, Pace, PROCESSOR } from "./pace";
+import { contextOf, processorDraws, type Quality } from "./quality";
+import { Stage } from "./stage";
 import { SHAFT_MM, ToolModel } from "./tool_model";
 import { Trail } from "./trail";
 
@@ -65,6 +67,8 @@ export class ClayView {
   readonly #feltForce = new Arrow();
   readonly #trail = new Trail();
   readonly #pace: Pace;
+  /** Where the processor draws: what tells that the last frame is finished. */
+  readonly #finish: Finish | undefined;
   readonly #at = { tool: new THREE.Vector3(), handle: new THREE.Vector3(), force: new THREE.Vector3() };
   #size = new THREE.Vector3(128, 64, 64);
   /** Heights above the tool's position of where the clay pushes and where the hand holds. */
@@ -77,6 +81,8 @@ export class ClayView {
   #shadowsDue = true;
   #shadows_ms = Number.NEGATIVE_INFINITY;
   #look: Look | undefined = "corner";
+  #posed: readonly number[] = [Number.NaN];
+  #trailed: readonly number[] = [];
 
   /** `wanted` fixes the quality, whatever the machine makes of it. Throws when the browser has no WebGL 2. */
   constructor(canvas: HTMLCanvasElement, wanted: Quality | undefined) {
@@ -85,12 +91,15 @@ export class ClayView {
     this.#renderer = new THREE.WebGLRenderer({ canvas, context });
     this.#renderer.shadowMap.enabled = true;
     this.#renderer.shadowMap.autoUpdate = false;
-    this.#pace = new Pace(quality === "fine" ? 1 : 0.7, wanted === undefined ? COARSEST : 1);
+    this.#renderer.shadowMap.type = quality === "fine" ? THREE.PCFShadowMap : THREE.BasicShadowMap;
+    const finest = quality === "fine" ? 1 : 0.7;
+    this.#pace = new Pace(finest, wanted === undefined ? COARSEST : finest, processorDraws() ? PROCESSOR : DISPLAY);
+    this.#finish = processorDraws() ? new Finish(context, this.#onFinish) : undefined;
     this.#stage = new Stage(quality);
     this.#clay = new ClayMesh(quality);
     this.#renderer.toneMapping = THREE.AgXToneMapping;
     this.#renderer.toneMappingExposure = 1.25;
-    this.#tool = new ToolModel(this.#renderer);
+    this.#tool = new ToolModel(this.#renderer, quality);
     this.#camera.up.set(0, 0, 1);
     this.#orbit = new OrbitControls(this.#camera, canvas);
     this.#orbit.enableDamping = true;
@@ -146,8 +155,11 @@ export class ClayView {
     this.#touch();
   }
 
-  /** Tool, ghost and arrows; nothing when nobody holds the tool. */
+  /** Tool, ghost and arrows; nothing when nobody holds the tool. A pose that is the last one costs nothing. */
   setPose(pose: Pose | undefined, mm_per_n: number): void {
+    const now = pose === undefined ? [] : [...pose.tool_m, ...pose.handle_m, ...pose.toolForce_n, ...pose.feltForce_n, mm_per_n];
+    if (isSame(now, this.#posed)) return;
+    this.#posed = now;
     this.#touch();
     if (pose === undefined) {
       this.#tool.hide();
@@ -169,6 +181,8 @@ export class ClayView {
 
   /** Where the tool has been: x, y, z in m one after the other, oldest first. */
   setTrail(points_m: readonly number[]): void {
+    if (isSame(points_m, this.#trailed)) return;
+    this.#trailed = points_m;
     this.#trail.set(points_m, TRAIL_LIFT_MM);
     this.#changed = true;
   }
@@ -180,6 +194,7 @@ export class ClayView {
     this.#toolForce.setColour(colours.tool);
     this.#feltForce.setColour(colours.felt);
     this.#trail.setColour(colours.tool);
+    this.#trailed = [];
     this.#changed = true;
   }
 
@@ -207,22 +222,26 @@ export class ClayView {
     if (this.#look !== undefined) this.look(this.#look);
   }
 
-  /** Draws if anything changed since the last time; returns whether it did. */
+  /** Draws if anything changed since the last time and that is finished; returns whether it did. */
   draw(now_ms: number): boolean {
     this.#orbit.update();
-    if (!this.#changed) return false;
+    const shadows = this.#shadowsDue && SHADOWS_EVERY_MS[this.#quality] <= now_ms - this.#shadows_ms;
+    if (!(this.#changed || shadows) || this.#finish?.isAhead === true) return false;
     this.#changed = false;
-    if (this.#shadowsDue && SHADOWS_EVERY_MS[this.#quality] <= now_ms - this.#shadows_ms) {
+    if (shadows) {
       this.#renderer.shadowMap.needsUpdate = true;
       this.#shadowsDue = false;
       this.#shadows_ms = now_ms;
     }
+    const began_ms = performance.now();
     this.#renderer.render(this.#scene, this.#camera);
-    if (this.#pace.add(now_ms)) this.#fitCanvas();
+    if (this.#finish !== undefined) this.#finish.awaitFrame(began_ms);
+    else if (this.#pace.add(now_ms)) this.#fitCanvas();
     return true;
   }
 
   dispose(): void {
+    this.#finish?.dispose();
     this.#orbit.dispose();
     for (const owner of [this.#stage, this.#clay, this.#tool, this.#toolForce, this.#feltForce, this.#trail]) owner.dispose();
     this.#renderer.dispose();
@@ -230,6 +249,10 @@ export class ClayView {
 
   readonly #onMove = (): void => {
     this.#changed = true;
+  };
+
+  readonly #onFinish = (duration_ms: number): void => {
+    if (this.#pace.take(duration_ms)) this.#fitCanvas();
   };
 
   /** Once somebody has turned the view, it is theirs: it no longer follows the window's size. */
@@ -249,4 +272,8 @@ export class ClayView {
     this.#renderer.setSize(this.#width, this.#height, false);
     this.#changed = true;
   }
+}
+
+function isSame(a: readonly number[], b: readonly number[]): boolean {
+  return a.length === b.length && a.every((value, n) => value === b[n]);
 }
