@@ -6,6 +6,7 @@ import "./ui/style/theme.css";
 import "./ui/style/shell.css";
 import "./ui/style/live.css";
 import "./ui/style/controls.css";
+import "./ui/style/theory.css";
 import { followTheme } from "./ui/theme";
 
 followTheme();

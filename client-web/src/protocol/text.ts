@@ -2,6 +2,7 @@
 
 import * as v from "valibot";
 import { DecodeError } from "./header";
+import * as theory from "./theory";
 import { clayResetSchema, patchSchema, problemSchema, sessionSchema } from "./session";
 import type { Problem, Session } from "./session";
 
@@ -35,6 +36,12 @@ export const encodeText = (message: ServerText | ClientText): string => JSON.str
 
 export const decodeSession = (text: string): Session => decode(sessionSchema, text);
 export const decodeSessions = (text: string): Session[] => decode(v.array(sessionSchema), text);
+
+export const decodeLoopAnswer = (text: string): theory.LoopAnswer => decode(theory.loopAnswerSchema, text);
+export const decodeCuttingAnswer = (text: string): theory.CuttingAnswer => decode(theory.cuttingAnswerSchema, text);
+export const decodeInverseAnswer = (text: string): theory.InverseAnswer => decode(theory.inverseAnswerSchema, text);
+export const decodeJacobianAnswer = (text: string): theory.JacobianAnswer => decode(theory.jacobianAnswerSchema, text);
+export const decodeWorkspaceAnswer = (text: string): theory.WorkspaceAnswer => decode(theory.workspaceAnswerSchema, text);
 
 /** The problem in an answer's body; nothing when the body is something else, such as a proxy's page. */
 export function decodeProblem(text: string): Problem | undefined {

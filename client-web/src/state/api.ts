@@ -59,6 +59,7 @@ function sessionIn(body: string): Session | undefined {
   }
 }
 
-function unexplained(status: number): Problem {
+/** A refusal of somebody who does not speak our language, such as a proxy. */
+export function unexplained(status: number): Problem {
   return { type: "about:blank", title: "unexplained", status, detail: `the server answered ${status} without saying why` };
 }

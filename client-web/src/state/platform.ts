@@ -28,6 +28,6 @@ export interface Platform {
   random(): number;
   /** Opens a socket at a path of the server. */
   connect(path: string, subprotocol: string, events: SocketEvents): Socket;
-  /** Rejects when nobody answers. */
-  request(method: "GET" | "POST" | "PATCH", path: string, body?: unknown): Promise<Answer>;
+  /** Rejects when nobody answers, or not within `patience_ms`. */
+  request(method: "GET" | "POST" | "PATCH", path: string, body?: unknown, patience_ms?: number): Promise<Answer>;
 }

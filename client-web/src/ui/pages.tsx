@@ -3,6 +3,7 @@
 import { signal, type ReadonlySignal } from "@preact/signals";
 import type { ComponentType } from "preact";
 import { LivePage } from "./live/live_page";
+import { StabilityPage } from "./stability/stability_page";
 
 export interface Page {
   /** Stands in the address: `#/live`. */
@@ -11,7 +12,10 @@ export interface Page {
   readonly component: ComponentType;
 }
 
-export const PAGES: readonly Page[] = [{ path: "live", title: "Live", component: LivePage }];
+export const PAGES: readonly Page[] = [
+  { path: "live", title: "Live", component: LivePage },
+  { path: "stability", title: "Stability", component: StabilityPage },
+];
 
 const current = signal(pageInAddress());
 export const currentPage: ReadonlySignal<Page> = current;

@@ -1,10 +1,12 @@
 // The one connection of this page, and the clay worker that it feeds.
 
 import { Live } from "../state/live";
+import { Theory } from "../state/theory";
 import { browser } from "./browser";
 import { ClayFeed } from "./clay_feed";
 
 export const live = new Live(browser);
+export const theory = new Theory(browser);
 export const clayFeed = new ClayFeed((reason) => live.report("error", `clay not understood: ${reason}`));
 
 /** Starts the connection: the address may name a session, as in `#/live?session=demo`. */

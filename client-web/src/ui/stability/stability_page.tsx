@@ -1,0 +1,99 @@
+// The Stability page: gains, clay and delay on sliders; what the loop does with them, how near it is to doing something else,
+// and why.
+
+import { computed, useComputed, useSignal, useSignalEffect } from "@preact/signals";
+import type { JSX } from "preact";
+import type { FigurePoint } from "../../plots/figure";
+import { theory } from "../store";
+import { Choice } from "../choice";
+import { FigureView } from "../figure_view";
+import { verdictOf, type Verdict } from "../../theory/verdict";
+import {
+  bodeMagnitude, bodePhase, type Curve, curveOf, describeCurve, type LoopName, nyquist, ZOOMS, type Zoom,
+} from "./figures";
+import { partsOf, question, round_trip_s, settings } from "./model";
+import { Margins } from "./margins";
+import { StabilityControls } from "./stability_controls";
+
+const WORDS: readonly { readonly value: LoopName; readonly text: string; readonly title: string }[] = [
+  { value: "open", text: "no delay", title: "L = P (T_h + ρ T_t), what (33) asks about" },
+  { value: "position_force", text: "position–force", title: "E exp(−s d) / (1 + H): position goes forward, force comes back, at the slider's round trip" },
+  { value: "force_exchange", text: "force exchange", title: "−H E exp(−s d) / ((1 + E)(1 + H)): the paper's own, at the slider's round trip" },
+];
+
+/** What there is to say, as soon as there is an answer; it follows the delay without asking again. */
+const verdict = computed((): Verdict | undefined => {
+  const { answer } = theory.loop.asked.value;
+  return answer === undefined ? undefined : verdictOf(answer, partsOf(settings.value), round_trip_s.value);
+});
+
+export function StabilityPage(): JSX.Element {
+  useSignalEffect(() => theory.loop.ask(question.value));
+  const loop = useSignal<LoopName>("position_force");
+  const zoom = useSignal<Zoom>("near");
+  const at_rad_s = useSignal<number | undefined>(undefined);
+  const curve = useComputed((): Curve | undefined => {
+    const { answer } = theory.loop.asked.value;
+    return answer === undefined ? undefined : curveOf(loop.value, answer, partsOf(settings.value), round_trip_s.value);
+  });
+  const drawn = <T,>(draw: (curve: Curve, answer: NonNullable<typeof theory.loop.asked.value.answer>) => T): T | undefined => {
+    const { answer } = theory.loop.asked.value;
+    return answer === undefined || curve.value === undefined ? undefined : draw(curve.value, answer);
+  };
+  const nyquistFigure = useComputed(() => drawn((c, answer) => nyquist(loop.value, c, answer, zoom.value, at_rad_s.value)));
+  const magnitude = useComputed(() => drawn((c, answer) => bodeMagnitude(loop.value, c, answer, at_rad_s.value)));
+  const phase = useComputed(() => drawn((c) => bodePhase(loop.value, c, at_rad_s.value)));
+  const onBode = (at: FigurePoint | undefined): void => {
+    at_rad_s.value = at?.x;
+  };
+  const { phase: asked } = theory.loop.asked.value;
+
+  return (
+    <div class="page stability" data-asked={asked}>
+      <Sentence />
+      <section class="panel nyquist" aria-label="Nyquist diagram">
+        <header>
+          <h2>Nyquist</h2>
+          <Choice name="loop" label="Which loop" options={WORDS} value={loop.value} onChoose={(name) => { loop.value = name; }} />
+          <span class="spacer" />
+          <Choice
+            name="zoom"
+            label="How near"
+            options={ZOOM_NAMES.map((value) => ({ value, text: `±${ZOOMS[value]}` }))}
+            value={zoom.value}
+            onChoose={(value) => { zoom.value = value; }}
+          />
+        </header>
+        <FigureView content={nyquistFigure} test="nyquist" label={curve.value === undefined ? "Nyquist diagram" : describeCurve(loop.value, curve.value, round_trip_s.value)} />
+      </section>
+      <section class="panel bode" aria-label="Bode diagram">
+        <header><h2>Bode</h2><span class="faint">{WORDS.find(({ value }) => value === loop.value)?.title}</span></header>
+        <FigureView content={magnitude} test="bode-magnitude" label="Bode diagram, magnitude over frequency" onPointer={onBode} />
+        <FigureView content={phase} test="bode-phase" label="Bode diagram, phase over frequency" onPointer={onBode} />
+      </section>
+      <Margins verdict={verdict} />
+      <StabilityControls />
+    </div>
+  );
+}
+
+const ZOOM_NAMES: readonly Zoom[] = ["near", "mid", "far"];
+
+/** What happens and why, in plain words. */
+function Sentence(): JSX.Element {
+  const { phase, problem, answer } = theory.loop.asked.value;
+  const now = verdict.value;
+  const calm = now?.schemes.every(({ isStable }) => isStable);
+  return (
+    <section class="panel sentence" aria-live="polite" data-calm={calm}>
+      <p class="headline" data-testid="verdict">{now?.headline ?? (phase === "away" ? "The server does not answer." : "Asking the server …")}</p>
+      {now?.schemes.map(({ scheme, because, isStable }) => (
+        <p key={scheme} class="because" data-stable={isStable}>
+          <i class={`dash ${scheme}`} aria-hidden="true" /> {because}
+        </p>
+      ))}
+      {phase === "refused" && <p class="refusal" role="alert">{problem?.detail}{answer === undefined ? "" : " What is shown belongs to the last values that were taken."}</p>}
+      {phase === "away" && answer !== undefined && <p class="refusal" role="alert">The server does not answer; what is shown belongs to the last values that were taken.</p>}
+    </section>
+  );
+}
