@@ -11,55 +11,89 @@
 //! and comparisons in IEEE single and double precision go into it, each rounded on its own, so every machine gets the
 //! same bits.
 //!
-//! Which voxels are looked at is bounded row by row, generously: looking at more voxels than necessary never changes the
-//! result, and a voxel left out is one whose share is provably not below what is there.
+//! A sweep is cut in two parts: the solid where it starts, and what it pushes ahead of itself from there to its end. The first part is
+//! left out where it is known to be cut already ([`Cleared`]), as in every tick but a tool's first. The second part looks at no
+//! voxel that the solid at the start leaves nothing of, or less of than what comes after: only at a thin shell in front of the tool.
+//!
+//! Bricks are cut one by one, in tiles of four rows by four voxels ([`InBrick`]). Which tiles are looked at is bounded generously:
+//! looking at more never changes the result, and a tile is left out only where no share can be below what is there. Processors
+//! foresee badly which tiles these are, so they are listed first, without branches, and then cut.
 
 mod ball;
 mod blade;
+mod capsule;
 mod cleared;
+mod list;
+mod tables;
 mod way;
-mod work;
 
 use crate::changes::Changes;
-use crate::field::{Brick, Field, SOLID};
+use crate::field::{Brick, Field};
 use crate::grid::BRICK_EDGE;
-use crate::lanes::{Bytes, Floats, Ints, LANES, lesser_bytes};
+use crate::lanes::{Removed, Tile};
 use crate::sweep::Sweep;
 use crate::tool::ToolShape;
 
-use ball::BallSweep;
+use ball::BallStep;
 use blade::BladeSweep;
+use capsule::CapsuleSweep;
+use list::List;
+use tables::BrickAt;
 use way::Way;
-use work::{BRICK_GROUPS, Column, Entry, MOST_BRICKS, Tables};
 
 pub(crate) use cleared::{Cleared, Start};
-pub(crate) use work::Scratch;
+pub(crate) use tables::Tables;
 
 /// Half width of the ramp from air to solid, in voxels.
 const RAMP: f64 = 1.0;
-/// By how much spans are drawn generously, in voxels, beyond what rounding in single precision asks for.
+/// What is left over grows along the ramp by this, in units a voxel.
+const UNITS_PER_VOXEL: f64 = 127.5;
+/// What is left over at the solid's surface, in units.
+const HALF_UNITS: f64 = 127.5;
+/// By how much tiles are chosen generously, in voxels, beyond what rounding in single precision asks for.
 const SLACK: f64 = 0.01;
 const EDGE: i32 = BRICK_EDGE as i32;
+
 /// Removes what the sweep passes through; returns how many 1/255 of a voxel that was. Allocates nothing.
 pub(crate) fn carve(
     field: &mut Field,
     changes: &mut Changes,
-    scratch: &mut Scratch,
+    tables: &mut Tables,
     sweep: &Sweep,
     start: Start,
 ) -> u64 {
     let way = Way::new(sweep, field.grid().voxel_size_m());
+    let before = field.total();
+    let mut knife = Knife {
+        revision: changes.upcoming(),
+        field,
+        changes,
+        tables,
+        bands: List::new(),
+        work: List::new(),
+    };
+    let (sets_down, moves) = (start == Start::Unknown, !way.is_standing());
     match &sweep.shape {
         ToolShape::Ball(ball) => {
-            carve_solid(field, changes, scratch, &BallSweep::new(ball, &way, start))
+            if sets_down {
+                knife.cut(&BallStep::set_down(ball, &way));
+            }
+            if moves && BallStep::suits(ball, &way) {
+                knife.cut(&BallStep::new(ball, &way));
+            } else if moves {
+                knife.cut(&CapsuleSweep::new(ball, &way));
+            }
         }
-        ToolShape::Blade(blade) => carve_solid(
-            field,
-            changes,
-            scratch,
-            &BladeSweep::new(blade, &way, start),
-        ),
+        ToolShape::Blade(blade) => {
+            if sets_down {
+                knife.cut(&BladeSweep::set_down(blade, &way));
+            }
+            if moves {
+                knife.cut(&BladeSweep::new(blade, &way));
+            }
+        }
     }
+    before - field.total()
 }
 
 /// A swept solid, ready to cut one grid.
@@ -67,209 +101,165 @@ trait Solid {
     /// Voxels that can be affected, along each axis from the first up to but not including the last.
     fn bounds(&self) -> [[i32; 2]; 3];
 
-    /// Whether no voxel at `z` can change.
-    fn skips_layer(&self, z: i32) -> bool;
+    /// Notes what matters of each axis in these bricks.
+    fn prepare(&self, tables: &mut Tables, bricks: [[i32; 2]; 3]);
 
-    /// Finds out what is the same for all rows about these columns of groups.
-    fn prepare(&self, tables: &mut Tables, groups: [i32; 2]);
+    /// Whether a brick can be affected.
+    fn reaches(&self, at: BrickAt) -> bool;
 
-    /// Which voxels may change in the rows `y` to `y + LANES` at `z`, of which the first has this number in its bricks.
-    fn spans(&self, tables: &mut Tables, y: i32, z: i32, row: usize) -> Spans;
-
-    /// What is left over in a group of voxels at most, and whether it needs a closer look.
-    fn leaves_at_most(&self, tables: &Tables, at: Place) -> (Bytes, bool);
-
-    /// What is left over in a group of voxels.
-    fn leaves(&self, tables: &Tables, at: Place) -> Bytes;
+    /// What matters in a brick.
+    fn in_brick<'a>(&'a self, tables: &'a Tables, at: BrickAt) -> impl InBrick + 'a;
 }
 
-/// Where a group of voxels is: its first voxel, and the numbers of its row in its bricks and of the group along x.
+/// A swept solid in one brick: in layers along z, each of four bands of four rows, each of four tiles.
+trait InBrick {
+    /// Which bands of a layer may change, a bit each.
+    fn bands(&self, layer: usize) -> u32;
+
+    /// Which tiles of a band may change, a bit each.
+    fn tiles(&self, layer: usize, band: usize) -> u32;
+
+    /// What is left over in a tile.
+    fn leaves(&self, at: TileIndex) -> Tile;
+}
+
+/// A tile's place in its brick: 16 times the layer plus 4 times the band plus the tile's number in the band.
 #[derive(Clone, Copy)]
-struct Place {
-    voxel: [i32; 3],
-    row: usize,
-    group: usize,
-}
+struct TileIndex(u8);
 
-impl Place {
+impl TileIndex {
     #[inline(always)]
-    fn of(entry: Entry, corner: [i32; 2]) -> Self {
-        let [group, row] = entry.map(usize::from);
-        let (y, z) = ((row % BRICK_EDGE) as i32, (row / BRICK_EDGE) as i32);
-        Self {
-            voxel: [(group * LANES) as i32, corner[0] + y, corner[1] + z],
-            row,
-            group,
+    fn layer(self) -> usize {
+        usize::from(self.0 >> 4)
+    }
+
+    #[inline(always)]
+    fn band(self) -> usize {
+        usize::from(self.0 >> 2 & 3)
+    }
+
+    #[inline(always)]
+    fn tile(self) -> usize {
+        usize::from(self.0 & 3)
+    }
+}
+
+/// What is cut, where that is noted, and what to look at in the brick at hand.
+struct Knife<'a> {
+    field: &'a mut Field,
+    changes: &'a mut Changes,
+    revision: u64,
+    tables: &'a mut Tables,
+    bands: List,
+    work: List,
+}
+
+impl Knife<'_> {
+    fn cut<S: Solid>(&mut self, solid: &S) {
+        let voxels = self.field.grid().voxels().map(i32::from);
+        let bounds = solid.bounds();
+        let [xs, ys, zs]: [[i32; 2]; 3] =
+            std::array::from_fn(|axis| [bounds[axis][0].max(0), bounds[axis][1].min(voxels[axis])]);
+        if xs[1] <= xs[0] || ys[1] <= ys[0] || zs[1] <= zs[0] {
+            return;
         }
-    }
-}
-
-/// Two spans along x in each of several rows, as places: all voxels between them, and some about them, may be looked at. A span with a
-/// NaN is empty. The second begins where the first ends, or later.
-struct Spans {
-    first: [Floats; 2],
-    second: [Floats; 2],
-}
-
-fn carve_solid<S: Solid>(
-    field: &mut Field,
-    changes: &mut Changes,
-    scratch: &mut Scratch,
-    solid: &S,
-) -> u64 {
-    let voxels = field.grid().voxels().map(i32::from);
-    let bounds = solid.bounds();
-    let [xs, ys, zs]: [[i32; 2]; 3] =
-        std::array::from_fn(|axis| [bounds[axis][0].max(0), bounds[axis][1].min(voxels[axis])]);
-    if xs[1] <= xs[0] || ys[1] <= ys[0] || zs[1] <= zs[0] {
-        return 0;
-    }
-    let [bricks_x, bricks_y, _] = field.grid().bricks().map(usize::from);
-    let revision = changes.upcoming();
-    let before = field.total();
-    // Groups that exist: a span may reach past the grid.
-    let groups = [xs[0] / LANES as i32, (xs[1] - 1) / LANES as i32 + 1];
-    solid.prepare(&mut scratch.tables, groups);
-    let bricks_along = |[start, end]: [i32; 2]| start / EDGE..(end - 1) / EDGE + 1;
-    for brick_z in bricks_along(zs) {
-        for brick_y in bricks_along(ys) {
-            let first = (brick_z as usize * bricks_y + brick_y as usize) * bricks_x;
-            let mut anything = false;
-            for brick_x in bricks_along(xs) {
-                let brick = field.brick(first + brick_x as usize);
-                scratch.along[brick_x as usize] = Column { brick, removed: 0 };
-                anything |= brick != Brick::Empty;
-            }
-            if !anything {
-                continue;
-            }
-            let corner = [brick_y * EDGE, brick_z * EDGE];
-            let within = |[start, end]: [i32; 2], corner: i32| {
-                [start.max(corner) - corner, end.min(corner + EDGE) - corner]
-            };
-            let rows = [within(ys, corner[0]), within(zs, corner[1])];
-            list_work(scratch, solid, corner, rows, groups);
-            carve_groups(field, scratch, solid, corner, first);
-            for brick_x in bricks_along(xs) {
-                let removed = scratch.along[brick_x as usize].removed;
-                if 0 < removed {
-                    field.book_removal(first + brick_x as usize, removed);
-                    changes.mark(first + brick_x as usize, revision);
+        let [bricks_x, bricks_y, _] = self.field.grid().bricks().map(usize::from);
+        let bricks = [xs, ys, zs].map(|[start, end]| [start / EDGE, (end - 1) / EDGE + 1]);
+        let [along_x, along_y, along_z] = bricks.map(|[start, end]| start as usize..end as usize);
+        let mut is_prepared = false;
+        for z in along_z {
+            let layers = zs.map(|at| (at - z as i32 * EDGE).clamp(0, EDGE) as usize);
+            for y in along_y.clone() {
+                for x in along_x.clone() {
+                    let brick = (z * bricks_y + y) * bricks_x + x;
+                    let at = BrickAt([x, y, z]);
+                    if self.field.brick(brick) == Brick::Empty || !solid.reaches(at) {
+                        continue;
+                    }
+                    if !is_prepared {
+                        solid.prepare(self.tables, bricks);
+                        is_prepared = true;
+                    }
+                    self.cut_brick(brick, solid, at, layers);
                 }
             }
         }
     }
-    before - field.total()
-}
 
-/// Lists the groups of voxels that may change, within a range of the rows of bricks at a corner.
-#[inline(always)]
-fn list_work<S: Solid>(
-    scratch: &mut Scratch,
-    solid: &S,
-    corner: [i32; 2],
-    [ys, zs]: [[i32; 2]; 2],
-    groups: [i32; 2],
-) {
-    let Scratch { work, tables, .. } = scratch;
-    work.clear();
-    for z in zs[0]..zs[1] {
-        if solid.skips_layer(corner[1] + z) {
-            continue;
+    /// Cuts a range of layers of a brick.
+    fn cut_brick<S: Solid>(
+        &mut self,
+        brick: usize,
+        solid: &S,
+        at: BrickAt,
+        [first, end]: [usize; 2],
+    ) {
+        let Self {
+            field,
+            tables,
+            bands,
+            work,
+            ..
+        } = self;
+        let solid = solid.in_brick(tables, at);
+        let clay = field.tiles_with_clay(brick);
+        bands.clear();
+        for layer in first..end.min(BRICK_EDGE) {
+            bands.push(layer * 4, solid.bands(layer) & any_of_four(clay[layer]));
         }
-        // Rows are taken in whole lanes; those beyond the solid have no span.
-        let mut y = ys[0] & -(LANES as i32);
-        while y < ys[1] {
-            let row = (z * EDGE + y) as usize;
-            let spans = solid.spans(tables, corner[0] + y, corner[1] + z, row);
-            let first_end = group_to(spans.first[1], groups);
-            work.push(row, group_from(spans.first[0], groups), first_end);
-            // A group in both spans is done already.
-            let start = group_from(spans.second[0], groups).greater(first_end);
-            work.push(row, start, group_to(spans.second[1], groups));
-            y += LANES as i32;
+        work.clear();
+        for &entry in bands.entries() {
+            let (layer, band) = (usize::from(entry >> 2) % BRICK_EDGE, usize::from(entry & 3));
+            let with_clay = u32::from(clay[layer] >> (4 * band));
+            work.push(usize::from(entry) * 4, solid.tiles(layer, band) & with_clay);
+        }
+        let mut tiles = work.entries();
+        let slot = match field.brick(brick) {
+            Brick::Empty => return,
+            Brick::Slot(slot) => slot,
+            Brick::Full => loop {
+                let Some((&first, rest)) = tiles.split_first() else {
+                    return;
+                };
+                if !solid.leaves(TileIndex(first)).is_solid() {
+                    break field.materialise(brick);
+                }
+                tiles = rest;
+            },
+        };
+        let voxels = field.slot_mut(slot);
+        let mut removed = Removed::nothing();
+        for &entry in tiles {
+            let at = TileIndex(entry);
+            solid.leaves(at).cut(voxels, at.0, &mut removed);
+        }
+        let removed = removed.sum();
+        if 0 < removed {
+            field.book_removal(brick, removed);
+            self.changes.mark(brick, self.revision);
         }
     }
 }
 
-/// The groups that hold the first voxels at or above these places along rows, kept between two groups.
+/// Of each four bits in turn, whether any is set.
 #[inline(always)]
-fn group_from(low: Floats, [least, most]: [i32; 2]) -> Ints {
-    let bounds = [least, most].map(|group| (group * LANES as i32) as f32);
-    // The first whole number at or above a place is the one nearest to half above it, but for ties, which spans are drawn
-    // generously enough to lose.
-    (low + Floats::splat(0.5))
-        .nearest_within(bounds)
-        .quartered()
+fn any_of_four(bits: u16) -> u32 {
+    let bits = u32::from(bits);
+    let pairs = bits | bits >> 1;
+    let lowest = (pairs | pairs >> 2) & 0x1111;
+    // Brings bits 0, 4, 8 and 12 side by side to 12 and up; no two products meet in a bit.
+    (lowest * 0x1248) >> 12 & 0xF
 }
 
-/// The groups after those that hold the last voxels at or below these places along rows, kept between two groups.
-#[inline(always)]
-fn group_to(high: Floats, [least, most]: [i32; 2]) -> Ints {
-    let bounds = [least, most].map(|group| (group * LANES as i32 + LANES as i32 - 1) as f32);
-    (high + Floats::splat(LANES as f32 - 0.5))
-        .nearest_within(bounds)
-        .quartered()
-}
+#[cfg(test)]
+mod tests {
+    use super::any_of_four;
 
-/// Cuts the listed groups and counts what was removed from each brick.
-///
-/// Whether a group needs a closer look cannot be foreseen by a processor, so the few that do are put off: to cut with less than the whole
-/// sweep first changes nothing in the end.
-#[inline(always)]
-fn carve_groups<S: Solid>(
-    field: &mut Field,
-    scratch: &mut Scratch,
-    solid: &S,
-    corner: [i32; 2],
-    first_brick: usize,
-) {
-    let Scratch {
-        work,
-        closer,
-        along,
-        tables,
-    } = scratch;
-    closer.clear();
-    for &entry in work.entries() {
-        let at = Place::of(entry, corner);
-        let column = &mut along[at.group / BRICK_GROUPS % MOST_BRICKS];
-        if column.brick == Brick::Empty {
-            continue;
+    #[test]
+    fn fours_of_bits_are_told_apart() {
+        for bits in 0..=u16::MAX {
+            let want = (0..4).map(|four| u32::from(bits >> (4 * four) & 0xF != 0) << four);
+            assert_eq!(any_of_four(bits), want.sum::<u32>(), "{bits:#x}");
         }
-        let (left, look_closer) = solid.leaves_at_most(tables, at);
-        closer.push_if(look_closer, entry);
-        carve_group(field, column, first_brick, at, left);
     }
-    for &entry in closer.entries() {
-        let at = Place::of(entry, corner);
-        let column = &mut along[at.group / BRICK_GROUPS % MOST_BRICKS];
-        carve_group(field, column, first_brick, at, solid.leaves(tables, at));
-    }
-}
-
-#[inline(always)]
-fn carve_group(field: &mut Field, column: &mut Column, first_brick: usize, at: Place, left: Bytes) {
-    const ALL_SOLID: Bytes = Bytes::from_le_bytes([SOLID; LANES]);
-    let slot = match column.brick {
-        Brick::Slot(slot) => slot,
-        _ if left == ALL_SOLID => return,
-        _ => {
-            let slot = field.materialise(first_brick + at.group / BRICK_GROUPS);
-            column.brick = Brick::Slot(slot);
-            slot
-        }
-    };
-    let (groups, _) = field.slot_mut(slot).as_chunks_mut::<LANES>();
-    let cells = &mut groups[at.row * BRICK_GROUPS + at.group % BRICK_GROUPS];
-    let (new, removed) = lesser_bytes(left, Bytes::from_le_bytes(*cells));
-    *cells = new.to_le_bytes();
-    column.removed += removed;
-}
-
-/// What is left over of voxels at these distances outside a solid, in voxels.
-#[inline(always)]
-fn left_over(distance: Floats) -> Bytes {
-    let half = Floats::splat(127.5);
-    (half + half * distance).to_bytes()
 }

@@ -2,7 +2,7 @@
 
 use thiserror::Error;
 
-use crate::carve::{self, Cleared, Scratch, Start};
+use crate::carve::{self, Cleared, Start, Tables};
 use crate::changes::Changes;
 use crate::engage::{self, Tool};
 use crate::field::{self, BrickView, Field};
@@ -28,7 +28,7 @@ pub struct Clay {
     changes: Changes,
     hashes: Hashes,
     cleared: Cleared,
-    scratch: Scratch,
+    tables: Tables,
 }
 
 /// Content that a brick cannot take.
@@ -85,7 +85,7 @@ impl Clay {
             changes: Changes::none(bricks),
             hashes,
             cleared: Cleared::default(),
-            scratch: Scratch::new(),
+            tables: Tables::new(),
         })
     }
 
@@ -118,7 +118,7 @@ impl Clay {
         carve::carve(
             &mut self.field,
             &mut self.changes,
-            &mut self.scratch,
+            &mut self.tables,
             sweep,
             start,
         )

@@ -2,15 +2,24 @@
 //!
 //! An occupancy is a byte, 0 for air and 255 for solid clay. A brick is empty, full, or has a slot of 4 KiB in one slab. The slab has
 //! room for every brick from the start and is asked for zeroed, so that the operating system commits its pages only as they are
-//! first carved, and carving itself never allocates.
+//! first carved, and carving itself never allocates. Two slots stand for all bricks that are empty and all that are full: whoever
+//! reads ([`Field::reader`]) finds a slot for every place, and beyond the grid, too.
 
 use crate::grid::{BRICK_EDGE, BRICK_VOXELS, BrickIndex, Grid};
 use crate::shape::{Shape, covered_share};
 
 /// Occupancy of solid clay.
 pub const SOLID: u8 = 255;
+/// Slot of a brick that is air throughout, and of one that is solid throughout. They are only read.
+const AIR_SLOT: u32 = 0;
+const SOLID_SLOT: u32 = 1;
+/// The first slot that a brick may have for itself.
+const FIRST_SLOT: u32 = 2;
 /// Sum of the occupancies of a full brick.
 pub(crate) const FULL_SUM: u32 = BRICK_VOXELS as u32 * SOLID as u32;
+
+/// A brick is looked through again when one part of so many of its clay is gone.
+const LOOKED_THROUGH_AFTER: u32 = 8;
 
 /// The content of a brick: x fastest, then y, then z.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,18 +40,62 @@ pub(crate) enum Brick {
     Slot(u32),
 }
 
+/// Tiles of a brick, four rows by four voxels, that may have clay: a word for each layer, of which the first four bits are the tiles of the first
+/// four rows, and so on. A tile without its bit is air.
+#[derive(Clone, Copy, Debug)]
+struct Tiles {
+    with_clay: [u16; BRICK_EDGE],
+    /// Sum of the brick's occupancies when it was looked through last.
+    sum: u32,
+}
+
 #[derive(Debug)]
 pub(crate) struct Field {
     grid: Grid,
     bricks: Vec<Brick>,
+    /// Where in the slab to read each brick, with a border of one empty brick all around the grid.
+    places: Vec<u32>,
     /// Sum of occupancies of each brick.
     sums: Vec<u32>,
+    /// Which tiles of each brick may have clay.
+    tiles: Vec<Tiles>,
     slab: Vec<u8>,
     /// Slots given back; its capacity is that of the slab.
     free: Vec<u32>,
     /// Slots from here on were never used.
     unused_from: u32,
     total: u64,
+}
+
+/// Where occupancies are kept. Places are counted from the lower corner of a border one brick wide all around the grid; all is air there.
+#[derive(Clone, Copy)]
+pub(crate) struct Reader<'a> {
+    places: &'a [u32],
+    slab: &'a [u8],
+    /// How far apart neighbours along each axis are in `places`.
+    pub(crate) strides: [usize; 3],
+}
+
+impl Reader<'_> {
+    /// The occupancies of a voxel and the next one along x, in this order from the lowest byte on; `brick` by the strides, `voxel` its number in
+    /// the brick. The next one counts for nothing where it is in the next brick.
+    #[inline(always)]
+    pub(crate) fn pair(&self, brick: u32, voxel: u32) -> u64 {
+        let at = (self.places[brick as usize] + voxel) as usize;
+        let pair = &self.slab[at..at + 2];
+        u64::from(u16::from_le_bytes([pair[0], pair[1]]))
+    }
+}
+
+impl Tiles {
+    const NONE: Self = Self {
+        with_clay: [0; BRICK_EDGE],
+        sum: 0,
+    };
+    const ALL: Self = Self {
+        with_clay: [u16::MAX; BRICK_EDGE],
+        sum: FULL_SUM,
+    };
 }
 
 impl Field {
@@ -65,13 +118,19 @@ impl Field {
 
     fn empty(grid: Grid) -> Self {
         let count = grid.brick_count();
+        // One byte more, so that whoever reads the last voxel finds a next one.
+        let mut slab = vec![0; (count + FIRST_SLOT as usize) * BRICK_VOXELS + 1];
+        slab.as_chunks_mut::<BRICK_VOXELS>().0[SOLID_SLOT as usize].fill(SOLID);
+        let bordered = grid.bricks().map(|count| usize::from(count) + 2);
         Self {
             grid,
             bricks: vec![Brick::Empty; count],
+            places: vec![place_of(AIR_SLOT); bordered.into_iter().product()],
             sums: vec![0; count],
-            slab: vec![0; count * BRICK_VOXELS],
+            tiles: vec![Tiles::NONE; count],
+            slab,
             free: Vec::with_capacity(count),
-            unused_from: 0,
+            unused_from: FIRST_SLOT,
             total: 0,
         }
     }
@@ -92,6 +151,32 @@ impl Field {
     #[inline]
     pub(crate) fn brick(&self, brick: usize) -> Brick {
         self.bricks[brick]
+    }
+
+    /// Changes how a brick is stored.
+    fn set(&mut self, brick: usize, stored: Brick) {
+        self.bricks[brick] = stored;
+        let [x, y, z] = self
+            .grid
+            .brick_coordinates(BrickIndex::new(brick))
+            .map(|at| usize::from(at) + 1);
+        let [_, stride_y, stride_z] = self.reader().strides;
+        self.places[z * stride_z + y * stride_y + x] = place_of(match stored {
+            Brick::Empty => AIR_SLOT,
+            Brick::Full => SOLID_SLOT,
+            Brick::Slot(slot) => slot,
+        });
+    }
+
+    /// Reads places, in the grid and about it.
+    #[inline]
+    pub(crate) fn reader(&self) -> Reader<'_> {
+        let [x, y, _] = self.grid.bricks().map(|count| usize::from(count) + 2);
+        Reader {
+            places: &self.places,
+            slab: &self.slab,
+            strides: [1, x, x * y],
+        }
     }
 
     pub(crate) fn view(&self, brick: usize) -> BrickView<'_> {
@@ -149,11 +234,17 @@ impl Field {
         })
     }
 
+    /// Which tiles of a brick may have clay: a word for each layer, a bit for each tile, along x first. All others are air.
+    #[inline]
+    pub(crate) fn tiles_with_clay(&self, brick: usize) -> [u16; BRICK_EDGE] {
+        self.tiles[brick].with_clay
+    }
+
     /// Gives a full brick a slot of its own, so that part of it can be removed.
     pub(crate) fn materialise(&mut self, brick: usize) -> u32 {
         let slot = self.take_slot();
         self.slot_mut(slot).fill(SOLID);
-        self.bricks[brick] = Brick::Slot(slot);
+        self.set(brick, Brick::Slot(slot));
         slot
     }
 
@@ -162,10 +253,43 @@ impl Field {
     pub(crate) fn book_removal(&mut self, brick: usize, removed: u32) {
         self.total -= u64::from(removed);
         self.sums[brick] -= removed;
-        if self.sums[brick] == 0 {
+        let sum = self.sums[brick];
+        if sum == 0 {
             self.release(brick);
-            self.bricks[brick] = Brick::Empty;
+            self.set(brick, Brick::Empty);
+            self.tiles[brick] = Tiles::NONE;
+        } else if self.tiles[brick].sum / LOOKED_THROUGH_AFTER < self.tiles[brick].sum - sum {
+            self.look_through(brick);
         }
+    }
+
+    /// Finds out which tiles of a brick have clay.
+    fn look_through(&mut self, brick: usize) {
+        let mut tiles = Tiles {
+            sum: self.sums[brick],
+            ..Tiles::NONE
+        };
+        match self.view(brick) {
+            BrickView::Empty => {}
+            BrickView::Full => tiles = Tiles::ALL,
+            BrickView::Voxels(voxels) => {
+                let (layers, _) = voxels.as_chunks::<{ BRICK_EDGE * BRICK_EDGE }>();
+                for (with_clay, layer) in tiles.with_clay.iter_mut().zip(layers) {
+                    let (rows, _) = layer.as_chunks::<BRICK_EDGE>();
+                    for (band, rows) in rows.as_chunks::<4>().0.iter().enumerate() {
+                        let any = rows
+                            .map(u128::from_le_bytes)
+                            .into_iter()
+                            .fold(0, |any, row| any | row);
+                        for tile in 0..4 {
+                            let has_clay = (any >> (32 * tile)) as u32 != 0;
+                            *with_clay |= u16::from(has_clay) << (4 * band + tile);
+                        }
+                    }
+                }
+            }
+        }
+        self.tiles[brick] = tiles;
     }
 
     /// Puts new content in a brick and returns whether anything changed. Allocates nothing.
@@ -179,7 +303,7 @@ impl Field {
             BrickView::Empty | BrickView::Full => {
                 self.release(brick);
                 let full = view == BrickView::Full;
-                self.bricks[brick] = if full { Brick::Full } else { Brick::Empty };
+                self.set(brick, if full { Brick::Full } else { Brick::Empty });
             }
             BrickView::Voxels(voxels) => {
                 let slot = match self.bricks[brick] {
@@ -187,11 +311,12 @@ impl Field {
                     Brick::Empty | Brick::Full => self.take_slot(),
                 };
                 *self.slot_mut(slot) = *voxels;
-                self.bricks[brick] = Brick::Slot(slot);
+                self.set(brick, Brick::Slot(slot));
             }
         }
         self.total = self.total - u64::from(self.sums[brick]) + u64::from(sum);
         self.sums[brick] = sum;
+        self.look_through(brick);
         true
     }
 
@@ -222,6 +347,7 @@ impl Clone for Field {
         let mut free = Vec::with_capacity(self.bricks.len());
         free.extend_from_slice(&self.free);
         let mut slab = vec![0; self.slab.len()];
+        slab.as_chunks_mut::<BRICK_VOXELS>().0[SOLID_SLOT as usize].fill(SOLID);
         for brick in &self.bricks {
             if let Brick::Slot(slot) = *brick {
                 let at = slot as usize * BRICK_VOXELS;
@@ -231,13 +357,20 @@ impl Clone for Field {
         Self {
             grid: self.grid,
             bricks: self.bricks.clone(),
+            places: self.places.clone(),
             sums: self.sums.clone(),
+            tiles: self.tiles.clone(),
             slab,
             free,
             unused_from: self.unused_from,
             total: self.total,
         }
     }
+}
+
+/// Where a slot begins in the slab.
+const fn place_of(slot: u32) -> u32 {
+    slot * BRICK_VOXELS as u32
 }
 
 /// Sum of the occupancies of a brick.
@@ -317,7 +450,8 @@ mod tests {
         assert_eq!(field.total(), 40 * 32 * 16 * 255);
         assert_eq!(field.brick(0), Brick::Full);
         assert_eq!(
-            field.unused_from, 2,
+            field.unused_from,
+            FIRST_SLOT + 2,
             "only the two bricks at the odd end hold voxels"
         );
         assert_eq!(field.occupancy([39, 31, 15]), 255);

@@ -9,20 +9,28 @@ mod arrays;
 #[cfg(target_arch = "x86_64")]
 mod sse2;
 
+use crate::grid::BRICK_EDGE;
+
 #[cfg(not(target_arch = "x86_64"))]
-pub(crate) use arrays::{Floats, Ints, lesser_bytes};
+pub(crate) use arrays::{Floats, Ints, Removed, Tile};
 #[cfg(target_arch = "x86_64")]
-pub(crate) use sse2::{Floats, Ints, lesser_bytes};
+pub(crate) use sse2::{Floats, Ints, Removed, Tile};
 
 /// Voxels, rows or points handled together.
 pub(crate) const LANES: usize = 4;
 
-/// Four occupancies as a little-endian word, the first lane lowest.
-pub(crate) type Bytes = u32;
+/// Where a brick keeps the four voxels of a row of a tile, counted in fours.
+#[inline(always)]
+fn four_of(tile: u8, row: usize) -> usize {
+    let fours = BRICK_EDGE / LANES;
+    // Tiles count along x first, then bands of rows, then layers.
+    usize::from(tile / fours as u8) * LANES * fours + usize::from(tile % fours as u8) + row * fours
+}
 
 #[cfg(all(test, target_arch = "x86_64"))]
 mod tests {
-    use super::{arrays, sse2};
+    use super::{LANES, arrays, sse2};
+    use crate::grid::{BRICK_EDGE, BRICK_VOXELS};
     use proptest::prelude::*;
 
     fn any_float() -> impl Strategy<Value = f32> {
@@ -54,73 +62,167 @@ mod tests {
     }
 
     proptest! {
-            #[test]
-            fn both_ways_give_the_same_bits(a in lanes(), b in lanes(), c in any_float(), at in -600_i32..600) {
-                macro_rules! for_both {
-                    (|$a:ident, $b:ident| $result:expr) => {
-                        prop_assert_eq!(
-                            { let ($a, $b) = (arrays::Floats::from_array(a), arrays::Floats::from_array(b)); bits(($result).to_array()) },
-                            { let ($a, $b) = (sse2::Floats::from_array(a), sse2::Floats::from_array(b)); bits(($result).to_array()) }
-                        );
-                    };
-                }
-                for_both!(|a, b| a + b);
-                for_both!(|a, b| a - b);
-                for_both!(|a, b| a * b);
-                for_both!(|a, b| a.lesser(b));
-                for_both!(|a, b| a.greater(b));
-                for_both!(|a, _b| a.sqrt());
-                for_both!(|a, _b| a.abs());
-                for_both!(|a, b| a / b);
-            prop_assert_eq!(arrays::Floats::from_array(a).any_above_0(), sse2::Floats::from_array(a).any_above_0());
-                for_both!(|a, b| a.where_below(b, b, a));
-                let (mut by_arrays, mut by_vectors) = ([0.0; 4], [0.0; 4]);
-                arrays::Floats::load(&a).store(&mut by_arrays);
-                sse2::Floats::load(&a).store(&mut by_vectors);
-                prop_assert_eq!(bits(by_arrays), bits(a));
-                prop_assert_eq!(bits(by_vectors), bits(a));
-                prop_assert_eq!(arrays::Floats::splat(c).to_array().map(f32::to_bits), sse2::Floats::splat(c).to_array().map(f32::to_bits));
-                prop_assert_eq!(bits(arrays::Floats::from(at).to_array()), bits(sse2::Floats::from(at).to_array()));
+        #[test]
+        fn both_ways_give_the_same_bits(a in lanes(), b in lanes(), c in any_float(), at in -600_i32..600, step in 0_i32..5) {
+            macro_rules! for_both {
+                (|$a:ident, $b:ident| $result:expr) => {
+                    prop_assert_eq!(
+                        {
+                            let ($a, $b) = (arrays::Floats::from_array(a), arrays::Floats::from_array(b));
+                            bits(($result).to_array())
+                        },
+                        {
+                            let ($a, $b) = (sse2::Floats::from_array(a), sse2::Floats::from_array(b));
+                            bits(($result).to_array())
+                        }
+                    );
+                };
             }
-
-            #[test]
-            fn both_ways_cut_the_same_bytes(shares in [-300.0_f32..600.0, -1e30_f32..1e30, 0.0_f32..255.0, -0.5_f32..1.0], old in any::<u32>()) {
-                let by_arrays = arrays::Floats::from_array(shares).to_bytes();
-                let by_vectors = sse2::Floats::from_array(shares).to_bytes();
-                prop_assert_eq!(by_arrays, by_vectors);
-                let (new, removed) = sse2::lesser_bytes(by_vectors, old);
-                prop_assert_eq!(arrays::lesser_bytes(by_arrays, old), (new, removed));
-                let sum = |word: u32| word.to_le_bytes().into_iter().map(u32::from).sum::<u32>();
-                prop_assert_eq!(removed, sum(old) - sum(new));
-                for (lane, share) in shares.into_iter().enumerate() {
-                    let left = by_vectors.to_le_bytes()[lane];
-                    prop_assert_eq!(left, share.clamp(0.0, 255.0).round_ties_even() as u8);
-                    prop_assert_eq!(new.to_le_bytes()[lane], old.to_le_bytes()[lane].min(left));
-                }
+            for_both!(|a, b| a + b);
+            for_both!(|a, b| a - b);
+            for_both!(|a, b| a * b);
+            for_both!(|a, b| a / b);
+            for_both!(|a, b| a.lesser(b));
+            for_both!(|a, b| a.greater(b));
+            for_both!(|a, _b| a.sqrt());
+            for_both!(|a, _b| a.abs());
+            for_both!(|a, b| a.where_below(b, b, a));
+            for lane in 0..LANES {
+                for_both!(|a, _b| a.each_splatted()[lane]);
+                prop_assert_eq!(bits(sse2::Floats::from_array(a).each_splatted()[lane].to_array()), bits([a[lane]; LANES]));
             }
+            prop_assert_eq!(
+                arrays::Floats::from_array(a).any_above_0(),
+                sse2::Floats::from_array(a).any_above_0()
+            );
+            let (mut by_arrays, mut by_vectors) = ([0.0; LANES], [0.0; LANES]);
+            arrays::Floats::load(&a).store(&mut by_arrays);
+            sse2::Floats::load(&a).store(&mut by_vectors);
+            prop_assert_eq!(bits(by_arrays), bits(a));
+            prop_assert_eq!(bits(by_vectors), bits(a));
+            prop_assert_eq!(
+                bits(arrays::Floats::splat(c).to_array()),
+                bits(sse2::Floats::splat(c).to_array())
+            );
+            prop_assert_eq!(
+                bits(arrays::Floats::stepping(at, step).to_array()),
+                bits(sse2::Floats::stepping(at, step).to_array())
+            );
+            prop_assert_eq!(
+                arrays::Floats::from_array(a).is_below(arrays::Floats::from_array(b)).bits(),
+                sse2::Floats::from_array(a).is_below(sse2::Floats::from_array(b)).bits()
+            );
+            let is_lane = |of: &dyn Fn(f32, f32) -> bool, lane: usize| u32::from(of(a[lane], b[lane])) << lane;
+            let both = |lane| is_lane(&|a, b| a < b && a < 1.0, lane);
+            let here = sse2::Floats::from_array(a);
+            let below = here.is_below(sse2::Floats::from_array(b)).and(here.is_below(sse2::Floats::splat(1.0)));
+            prop_assert_eq!(below.bits(), (0..LANES).map(both).sum::<u32>());
+            let here = arrays::Floats::from_array(a);
+            let below = here.is_below(arrays::Floats::from_array(b)).and(here.is_below(arrays::Floats::splat(1.0)));
+            prop_assert_eq!(below.bits(), (0..LANES).map(both).sum::<u32>());
+        }
 
-            #[test]
-            fn both_ways_find_the_same_integers(a in lanes(), b in any::<[i32; 4]>(), least in -5_i32..100, extent in 0_i32..100) {
-                let bounds = [least as f32, (least + extent) as f32];
-                let by_arrays = arrays::Floats::from_array(a).nearest_within(bounds);
-                let by_vectors = sse2::Floats::from_array(a).nearest_within(bounds);
-                prop_assert_eq!(by_arrays.to_array(), by_vectors.to_array());
-                for (lane, nearest) in by_vectors.to_array().into_iter().enumerate() {
-                    let want = if a[lane].is_nan() { bounds[0] } else { a[lane].max(bounds[0]).min(bounds[1]) };
-                    prop_assert_eq!(nearest, want.round_ties_even() as i32);
+        #[test]
+        fn both_ways_spread_the_same_bytes(lanes in any::<[u64; LANES]>()) {
+            let by_arrays = arrays::Floats::of_bytes(lanes).map(arrays::Floats::to_array);
+            let by_vectors = sse2::Floats::of_bytes(lanes).map(sse2::Floats::to_array);
+            prop_assert_eq!(by_arrays.map(bits), by_vectors.map(bits));
+            for (lane, bytes) in lanes.into_iter().enumerate() {
+                for (at, byte) in bytes.to_le_bytes().into_iter().enumerate() {
+                    prop_assert_eq!(by_vectors[at][lane].to_bits(), f32::from(byte).to_bits());
                 }
-                let (x, y) = (arrays::Ints::from_array(b), sse2::Ints::from_array(b));
-                prop_assert_eq!(x.quartered().to_array(), y.quartered().to_array());
-                prop_assert_eq!(y.quartered().to_array(), b.map(|b| b.div_euclid(4)));
-                prop_assert_eq!(x.greater(by_arrays).to_array(), y.greater(by_vectors).to_array());
-                prop_assert_eq!((x.quartered() - by_arrays).not_below_0().to_array(), (y.quartered() - by_vectors).not_below_0().to_array());
-    prop_assert_eq!(x.in_upper_half().to_array(), y.in_upper_half().to_array());
-                prop_assert_eq!(x.any_above_0(), y.any_above_0());
-                prop_assert_eq!(y.any_above_0(), b.iter().any(|&b| 0 < b));
-                prop_assert_eq!(
-                    (arrays::Ints::stepping(least, extent) + x.quartered()).to_array(),
-                    (sse2::Ints::stepping(least, extent) + y.quartered()).to_array()
-                );
             }
         }
+
+        #[test]
+        fn both_ways_count_alike(
+            places in prop::array::uniform4(0.0_f32..4e6),
+            others in prop::array::uniform4(0.0_f32..3.0),
+            factor in 0_i16..=1200,
+        ) {
+            let of_arrays = |lanes| arrays::Floats::from_array(lanes).nearest_within([0.0, 4e6]);
+            let of_vectors = |lanes| sse2::Floats::from_array(lanes).nearest_within([0.0, 4e6]);
+            let ((a, b), (c, d)) = ((of_arrays(places), of_arrays(others)), (of_vectors(places), of_vectors(others)));
+            prop_assert_eq!((a + b).to_array(), (c + d).to_array());
+            prop_assert_eq!(a.masked(4095).to_array(), c.masked(4095).to_array());
+            prop_assert_eq!(a.shifted_right::<12>().to_array(), c.shifted_right::<12>().to_array());
+            prop_assert_eq!(b.shifted_left::<8>().to_array(), d.shifted_left::<8>().to_array());
+            prop_assert_eq!(bits(a.to_floats().to_array()), bits(c.to_floats().to_array()));
+            prop_assert_eq!(
+                b.equals(arrays::Ints::splat(1)).bits(),
+                d.equals(sse2::Ints::splat(1)).bits()
+            );
+            let products = c.shifted_right::<12>().times(factor).to_array();
+            prop_assert_eq!(a.shifted_right::<12>().times(factor).to_array(), products);
+            for (product, place) in products.into_iter().zip(places) {
+                prop_assert_eq!(product, (place.round_ties_even() as i32 >> 12) * i32::from(factor));
+            }
+        }
+
+        #[test]
+        fn both_ways_find_the_same_extremes(of in prop::array::uniform4(-1e8_f32..1e8)) {
+            let (by_arrays, by_vectors) = (arrays::Floats::from_array(of), sse2::Floats::from_array(of));
+            let least = of.into_iter().fold(f32::INFINITY, f32::min);
+            let most = of.into_iter().fold(f32::NEG_INFINITY, f32::max);
+            prop_assert_eq!(bits(by_vectors.least().to_array()), [least.to_bits(); LANES]);
+            prop_assert_eq!(bits(by_vectors.most().to_array()), [most.to_bits(); LANES]);
+            prop_assert_eq!(bits(by_arrays.least().to_array()), bits(by_vectors.least().to_array()));
+            prop_assert_eq!(bits(by_arrays.most().to_array()), bits(by_vectors.most().to_array()));
+        }
+
+        #[test]
+        fn both_ways_cut_the_same_tile(
+            shares in prop::array::uniform4(prop::array::uniform4(prop_oneof![
+                -300.0_f32..600.0,
+                -2e9_f32..2e9,
+                -0.5_f32..1.0,
+                254.0_f32..256.0,
+                (-3_i32..520).prop_map(|halves| halves as f32 * 0.5),
+            ])),
+            seed in any::<u64>(),
+            tile in any::<u8>(),
+        ) {
+            let mut old = [0; BRICK_VOXELS];
+            let mut state = seed;
+            for cell in &mut old {
+                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+                *cell = (state >> 56) as u8;
+            }
+            let by_arrays = arrays::Tile::nearest(shares.map(arrays::Floats::from_array));
+            let by_vectors = sse2::Tile::nearest(shares.map(sse2::Floats::from_array));
+            prop_assert_eq!(by_arrays.is_solid(), by_vectors.is_solid());
+            prop_assert_eq!(by_vectors.is_solid(), shares.as_flattened().iter().all(|share| 254.5 <= *share));
+            let (mut after, mut after_too) = (old, old);
+            let (mut removed, mut removed_too) = (sse2::Removed::nothing(), arrays::Removed::nothing());
+            for _ in 0..2 {
+                by_vectors.cut(&mut after, tile, &mut removed);
+                by_arrays.cut(&mut after_too, tile, &mut removed_too);
+            }
+            prop_assert_eq!(after, after_too);
+            let sum = |cells: &[u8]| cells.iter().map(|&cell| u32::from(cell)).sum::<u32>();
+            prop_assert_eq!([removed.sum(), removed_too.sum()], [sum(&old) - sum(&after); 2]);
+            let [tile_x, band, layer] = [tile % 4, tile / 4 % 4, tile / 16].map(usize::from);
+            for (at, (old, new)) in old.into_iter().zip(after).enumerate() {
+                let [x, y, z] = [at % BRICK_EDGE, at / BRICK_EDGE % BRICK_EDGE, at / BRICK_EDGE / BRICK_EDGE];
+                let left = if [x / LANES, y / LANES, z] == [tile_x, band, layer] {
+                    shares[y % LANES][x % LANES].clamp(0.0, 255.0).round_ties_even() as u8
+                } else {
+                    u8::MAX
+                };
+                prop_assert_eq!(new, old.min(left));
+            }
+        }
+
+        #[test]
+        fn both_ways_find_the_same_integers(a in lanes(), least in -1000_i32..100, extent in 0_i32..1000) {
+            let bounds = [least as f32, (least + extent) as f32];
+            let by_arrays = arrays::Floats::from_array(a).nearest_within(bounds);
+            let by_vectors = sse2::Floats::from_array(a).nearest_within(bounds);
+            prop_assert_eq!(by_arrays.to_array(), by_vectors.to_array());
+            for (nearest, a) in by_vectors.to_array().into_iter().zip(a) {
+                let want = if a.is_nan() { bounds[0] } else { a.max(bounds[0]).min(bounds[1]) };
+                prop_assert_eq!(nearest, want.round_ties_even() as i32);
+            }
+        }
+    }
 }

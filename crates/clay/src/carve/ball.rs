@@ -1,275 +1,271 @@
-//! A ball swept along a straight way: a capsule.
+//! A ball that moves by a short step: the ball where it is now, as far as that is not behind where it was.
 
-use super::way::Way;
-use super::work::{MOST_GROUPS, ROWS, Tables};
-use super::{Place, RAMP, SLACK, Solid, Spans, Start, left_over};
-use crate::lanes::{Bytes, Floats, LANES};
+use super::way::{Way, nearest_voxel};
+use super::{BrickAt, HALF_UNITS, InBrick, RAMP, SLACK, Solid, Tables, TileIndex, UNITS_PER_VOXEL};
+use crate::lanes::{Floats, LANES, Tile};
 use crate::tool::Ball;
 
-/// Sweeps up to this long, in voxels, are bounded by one ball about their middle; longer ones are worth more thought.
-const SHORT: f64 = 2.0;
+/// Relative rounding error of a distance in single precision: of coordinates, their squares, the sum and the root, and as much
+/// again in reserve.
+pub(super) const DISTANCE_ERROR: f64 = 1e-6;
 
-/// The capsule in voxel units, voxel centres at whole numbers.
+/// The ball in units of what is left over, voxel centres at whole multiples of [`UNITS_PER_VOXEL`].
 ///
-/// The distance of a voxel is that from the nearest point of the way, or from its end where rounding makes that the nearer one. So
-/// a sweep never leaves more over than the ball at its end, and behind its start exactly what the ball there would: to skip a
-/// ball already carved changes nothing, not even a last bit.
-pub(super) struct BallSweep {
-    radius: f32,
-    /// What to add to a voxel's index to get the way to it from the start, the end and the middle.
+/// A short step leaves what its two balls leave. Between them the capsule about the way has hardly any more room: at a distance `d`
+/// from the way, its belt is nearer by at most `step^2 / 8 d`, which is a quarter of a unit of what is left, or less
+/// ([`BallStep::suits`]). And what a ball leaves is a function of its own place alone, so the ball at the end of one step and the ball at the
+/// start of the next are the same to the last bit.
+pub(super) struct BallStep {
+    centre: Centre,
+    /// What is left over is the distance from the centre, plus this.
+    at_centre: f32,
+    reach_squared: f32,
+    /// From the ball at the start, and from the middle of the step, to the ball at the end's origin.
     from: [f32; 3],
-    to: [f32; 3],
     middle: [f32; 3],
     step: [f32; 3],
-    per_step_squared: f32,
-    reach: f64,
-    /// Square of the radius about the middle beyond which a short sweep leaves everything; `None` for a long one.
-    short_reach_squared: Option<f32>,
-    /// Square of the radius about the start within which nothing can be left; `None` when nothing is known.
-    clear_squared: Option<f32>,
-    /// Generosity, in squared voxels, of comparisons along the way.
-    along_slack: f32,
-    /// Reciprocal of the step along x; 0 where it is too short to divide by.
-    per_along_x: f32,
-    /// Most that the way along x adds to the place along the step, where it is not divided by.
-    most_along_x: f32,
-    /// Most that the ways along x and y add.
-    most_along_xy: f32,
-    /// Place along the step, in squared voxels, past which only the end matters.
-    end_only_from: f32,
-    way_from: [f64; 3],
-    way_step: [f64; 3],
+    /// Square of the radius within which the ball at the start leaves nothing; below zero where there is none.
+    clear_squared: f32,
+    /// A place is ahead of the middle of the step where its way from there along the step is more than this.
+    nowhere: f32,
     bounds: [[i32; 2]; 3],
 }
 
-impl BallSweep {
-    pub(super) fn new(ball: &Ball, way: &Way, start: Start) -> Self {
+/// A place, and the voxel near it from which coordinates are taken, so that single precision resolves them finely.
+#[derive(Clone, Copy)]
+pub(super) struct Centre {
+    pub(super) origin: [i32; 3],
+    /// From the place to the origin, in units.
+    pub(super) offset: [f32; 3],
+}
+
+impl BallStep {
+    /// Whether the step is short enough to be cut as two balls.
+    pub(super) fn suits(ball: &Ball, way: &Way) -> bool {
+        0.5 * UNITS_PER_VOXEL * way.length_squared() <= ball.radius_m() * way.per_metre - RAMP
+    }
+
+    /// The ball where the way starts.
+    pub(super) fn set_down(ball: &Ball, way: &Way) -> Self {
         let radius = ball.radius_m() * way.per_metre;
-        let step = way.step();
-        let length_squared: f64 = step.iter().map(|d| d * d).sum();
-        let length = length_squared.sqrt();
-        let slack = SLACK + 8.0 * way.rounding;
-        let reach = radius + RAMP + slack;
-        let size = reach + length;
-        let short_reach = reach + 0.5 * length;
-        let clear = (radius - RAMP - slack).max(0.0);
-        // Squares of distances are off by twice the distance times the coordinates' error, and by their own rounding.
-        let along_slack = SLACK * length + size * (6.0 * way.rounding + 1e-6 * size);
-        let divisible = along_slack < step[0].abs();
-        let negated = |at: [f64; 3]| at.map(|at| -at as f32);
+        let reach = radius * (1.0 + DISTANCE_ERROR) + RAMP + SLACK;
         Self {
-            radius: radius as f32,
-            from: negated(way.from),
-            to: negated(way.to),
-            middle: negated(way.middle()),
-            step: step.map(|d| d as f32),
-            per_step_squared: if 0.0 < length_squared {
-                (1.0 / length_squared) as f32
-            } else {
-                0.0
-            },
-            reach,
-            short_reach_squared: (length <= SHORT).then_some((short_reach * short_reach) as f32),
-            clear_squared: (start == Start::Clear).then_some((clear * clear) as f32),
-            along_slack: along_slack as f32,
-            end_only_from: (length_squared + along_slack) as f32,
-            per_along_x: if divisible {
-                (1.0 / step[0]) as f32
-            } else {
-                0.0
-            },
-            most_along_xy: ((step[0].abs() + step[1].abs()) * size) as f32,
-            most_along_x: if divisible {
-                0.0
-            } else {
-                (step[0].abs() * size) as f32
-            },
-            way_from: way.from,
-            way_step: step,
-            bounds: way.bounds([reach; 3]),
+            centre: Centre::of(way.from),
+            at_centre: at_centre(radius),
+            reach_squared: square_in_units(reach),
+            from: [0.0; 3],
+            middle: [0.0; 3],
+            step: [0.0; 3],
+            clear_squared: -1.0,
+            nowhere: -1.0,
+            bounds: way.at_its_start().bounds([reach; 3]),
         }
     }
 
-    /// Where rows are within reach of the capsule; NaN where they are not.
-    #[inline(always)]
-    fn outer(&self, y: i32, z: i32) -> [Floats; 2] {
-        let Some(reach_squared) = self.short_reach_squared else {
-            return self.long_outer(y, z);
-        };
-        let dy = Floats::from(y) + Floats::splat(self.middle[1]);
-        let dz = z as f32 + self.middle[2];
-        let half = (Floats::splat(reach_squared - dz * dz) - dy * dy).sqrt();
-        let middle_x = Floats::splat(-self.middle[0]);
-        [middle_x - half, middle_x + half]
-    }
-
-    #[cold]
-    fn long_outer(&self, y: i32, z: i32) -> [Floats; 2] {
-        let (mut low, mut high) = ([f32::NAN; LANES], [f32::NAN; LANES]);
-        for lane in 0..LANES {
-            let y = f64::from(y + lane as i32);
-            if let Some(span) = self.long_outer_of_row(y, f64::from(z)) {
-                (low[lane], high[lane]) = span;
-            }
+    /// The ball where the way ends, given that the one where it starts is cut already.
+    pub(super) fn new(ball: &Ball, way: &Way) -> Self {
+        let radius = ball.radius_m() * way.per_metre;
+        let length = way.length_squared().sqrt();
+        // Behind the middle by `b`, the ball at the end is the farther one by `b length / distance`, which must be more than both
+        // distances may be off.
+        let size = radius + RAMP + SLACK + length;
+        let generosity = SLACK * length + 4.0 * DISTANCE_ERROR * size * size;
+        let here = Self::set_down(ball, &way.backwards());
+        Self {
+            from: here.centre.offset_of(way.from),
+            middle: here.centre.offset_of(way.middle()),
+            step: way.step().map(|d| d as f32),
+            clear_squared: clear_squared(radius * (1.0 - DISTANCE_ERROR) - RAMP - SLACK),
+            nowhere: (-generosity * UNITS_PER_VOXEL) as f32,
+            ..here
         }
-        [low, high].map(Floats::from_array)
-    }
-
-    /// The same for a long capsule: hull of what its end balls and its cylinder cover of the row.
-    fn long_outer_of_row(&self, y: f64, z: f64) -> Option<(f32, f32)> {
-        let [mx, my, mz] = self.way_step;
-        let length_squared = mx * mx + my * my + mz * mz;
-        let (wy, wz) = (y - self.way_from[1], z - self.way_from[2]);
-        let reach_squared = self.reach * self.reach;
-        let mut hull = (f64::INFINITY, f64::NEG_INFINITY);
-        let mut include = |low: f64, high: f64| {
-            if low <= high {
-                hull = (hull.0.min(low), hull.1.max(high));
-            }
-        };
-        for end in [0.0, 1.0] {
-            let (dy, dz) = (wy - end * my, wz - end * mz);
-            let rest = reach_squared - dy * dy - dz * dz;
-            if 0.0 <= rest {
-                include(end * mx - rest.sqrt(), end * mx + rest.sqrt());
-            }
-        }
-        // Cylinder: |w|^2 - (w.m)^2 / |m|^2 <= reach^2 is a x^2 + 2 b x + c <= 0 along the row.
-        let along_yz = wy * my + wz * mz;
-        let a = (my * my + mz * mz) / length_squared;
-        let b = -mx * along_yz / length_squared;
-        let c = wy * wy + wz * wz - along_yz * along_yz / length_squared - reach_squared;
-        let (mut low, mut high) = (f64::NEG_INFINITY, f64::INFINITY);
-        // A row nearly along the way: the distance hardly depends on x, and the slab below bounds it.
-        if 1e-9 < a {
-            let root = b * b - a * c;
-            if root < 0.0 {
-                (low, high) = (f64::INFINITY, f64::NEG_INFINITY);
-            } else {
-                (low, high) = ((-b - root.sqrt()) / a, (-b + root.sqrt()) / a);
-            }
-        }
-        // Slab: 0 <= w.m <= |m|^2.
-        if 1e-9 * length_squared < mx * mx {
-            let ends = [-along_yz / mx, (length_squared - along_yz) / mx];
-            low = low.max(ends[0].min(ends[1]));
-            high = high.min(ends[0].max(ends[1]));
-        }
-        include(low, high);
-        let (low, high) = hull;
-        let from_x = self.way_from[0];
-        (low <= high).then_some(((low + from_x) as f32, (high + from_x) as f32))
     }
 }
 
-impl Solid for BallSweep {
+impl Centre {
+    pub(super) fn of(place: [f64; 3]) -> Self {
+        let origin = place.map(nearest_voxel);
+        let here = Self {
+            origin,
+            offset: [0.0; 3],
+        };
+        Self {
+            origin,
+            offset: here.offset_of(place),
+        }
+    }
+
+    /// From a place near this one to this one's origin, in units.
+    pub(super) fn offset_of(&self, place: [f64; 3]) -> [f32; 3] {
+        std::array::from_fn(|axis| {
+            ((f64::from(self.origin[axis]) - place[axis]) * UNITS_PER_VOXEL) as f32
+        })
+    }
+
+    /// Four voxels' ways from the place along an axis, in units, `step` voxels apart.
+    #[inline(always)]
+    pub(super) fn ways(&self, axis: usize, first: i32, step: i32) -> Floats {
+        ways(first - self.origin[axis], step, self.offset[axis])
+    }
+}
+
+/// Four ways, in units, `step` voxels apart, of which the first is this many voxels from an origin at `offset`.
+#[inline(always)]
+pub(super) fn ways(first: i32, step: i32, offset: f32) -> Floats {
+    let units = Floats::splat(UNITS_PER_VOXEL as f32);
+    Floats::stepping(first, step) * units + Floats::splat(offset)
+}
+
+/// What is left over at the centre of a ball, if that were not cut off at nothing.
+pub(super) fn at_centre(radius: f64) -> f32 {
+    (HALF_UNITS - UNITS_PER_VOXEL * radius) as f32
+}
+
+/// The square of a radius in voxels, in units.
+pub(super) fn square_in_units(radius: f64) -> f32 {
+    let radius = radius * UNITS_PER_VOXEL;
+    (radius * radius) as f32
+}
+
+/// The same; below zero for a radius below zero.
+pub(super) fn clear_squared(radius: f64) -> f32 {
+    if radius < 0.0 {
+        return -1.0;
+    }
+    square_in_units(radius)
+}
+
+/// Numbers of voxels: squared ways from the centre; along z also from the ball at the start, and how far they are ahead.
+const SQUARED: usize = 0;
+const Z_FROM_SQUARED: usize = 1;
+const Z_AHEAD: usize = 2;
+/// Numbers of fours: the least square of the way from the centre, the greatest from the ball at the start, and how far they are ahead
+/// at most.
+const NEAREST: usize = 0;
+const FARTHEST: usize = 1;
+const AHEAD: usize = 2;
+
+impl Solid for BallStep {
     fn bounds(&self) -> [[i32; 2]; 3] {
         self.bounds
     }
 
     #[inline(always)]
-    fn skips_layer(&self, z: i32) -> bool {
-        // All of it is behind the start, however far x and y reach ahead.
-        let ahead = self.step[2] * (z as f32 + self.from[2]);
-        self.clear_squared.is_some() && ahead + self.along_slack + self.most_along_xy < 0.0
-    }
-
-    fn prepare(&self, tables: &mut Tables, [start, end]: [i32; 2]) {
-        for group in start..end {
-            let first = group * LANES as i32;
-            let last = first + LANES as i32 - 1;
-            let to_x = Floats::from(first) + Floats::splat(self.to[0]);
-            (to_x * to_x).store(&mut tables.columns[group as usize]);
-            let [first, last] = [first, last].map(|x| self.step[0] * (x as f32 + self.from[0]));
-            tables.column_bounds[group as usize] = if first < last { first } else { last };
+    fn prepare(&self, tables: &mut Tables, bricks: [[i32; 2]; 3]) {
+        let square = |way: Floats| way * way;
+        for axis in 0..3 {
+            let way = |first| self.centre.ways(axis, first, 1);
+            tables.note_voxels(axis, SQUARED, bricks[axis], |first| square(way(first)));
         }
-    }
-
-    #[inline(always)]
-    fn spans(&self, tables: &mut Tables, y: i32, z: i32, row: usize) -> Spans {
-        let [mut low, mut high] = self.outer(y, z);
-        let [_, along_y, along_z] = self.step;
-        let from_y = Floats::from(y) + Floats::splat(self.from[1]);
-        let from_z = z as f32 + self.from[2];
-        let to_y = Floats::from(y) + Floats::splat(self.to[1]);
-        let to_z = z as f32 + self.to[2];
-        let ahead = from_y * Floats::splat(along_y) + Floats::splat(from_z * along_z);
-        let to_squared = to_y * to_y + Floats::splat(to_z * to_z);
-        let [row_ahead, row_squared] = &mut *tables.rows;
-        ahead.store(&mut row_ahead.as_chunks_mut().0[row / LANES]);
-        to_squared.store(&mut row_squared.as_chunks_mut().0[row / LANES]);
-        let Some(clear_squared) = self.clear_squared else {
-            return Spans {
-                first: [low, high],
-                second: [Floats::splat(f32::NAN); 2],
+        let way = |offset: &[f32; 3], first: i32| ways(first - self.centre.origin[2], 1, offset[2]);
+        let step_z = Floats::splat(self.step[2]);
+        tables.note_voxels(2, Z_FROM_SQUARED, bricks[2], |first| {
+            square(way(&self.from, first))
+        });
+        tables.note_voxels(2, Z_AHEAD, bricks[2], |first| {
+            way(&self.middle, first) * step_z
+        });
+        for axis in 0..2 {
+            let ends = |offset: &[f32; 3], first: i32| {
+                let first = first - self.centre.origin[axis];
+                let last = first + LANES as i32 - 1;
+                [first, last].map(|at| ways(at, LANES as i32, offset[axis]))
             };
-        };
-        // Behind the start, the end is farther than the start, whose ball is carved already: what is ahead has
-        // along_x (x - from_x) + ahead > 0.
-        let from_x = Floats::splat(-self.from[0]);
-        let generous = ahead + Floats::splat(self.along_slack);
-        if self.per_along_x < 0.0 {
-            high = (from_x - generous * Floats::splat(self.per_along_x)).lesser(high);
-        } else if 0.0 < self.per_along_x {
-            low = (from_x - generous * Floats::splat(self.per_along_x)).greater(low);
-        } else {
-            let nowhere = Floats::splat(-self.most_along_x);
-            high = generous.where_below(nowhere, Floats::splat(f32::NAN), high);
-        }
-        // NaN where the row misses what is clear: the first span is then whole, and leaves nothing to the second.
-        let half = (Floats::splat(clear_squared - from_z * from_z) - from_y * from_y).sqrt();
-        Spans {
-            first: [low, (from_x - half).lesser(high)],
-            second: [(from_x + half).greater(low), high],
+            let zero = Floats::splat(0.0);
+            tables.note_fours(axis, NEAREST, bricks[axis], |first| {
+                let [first, last] = ends(&self.centre.offset, first);
+                square(first.greater(zero - last).greater(zero))
+            });
+            tables.note_fours(axis, FARTHEST, bricks[axis], |first| {
+                let [first, last] = ends(&self.from, first);
+                square(last.greater(zero - first))
+            });
+            let step = Floats::splat(self.step[axis]);
+            tables.note_fours(axis, AHEAD, bricks[axis], |first| {
+                let [first, last] = ends(&self.middle, first);
+                (first * step).greater(last * step)
+            });
         }
     }
 
-    /// Past the end, by enough that rounding cannot say otherwise, only the end matters.
-    #[inline(always)]
-    fn leaves_at_most(&self, tables: &Tables, at: Place) -> (Bytes, bool) {
-        let [ahead, _] = &*tables.rows;
-        let place = tables.column_bounds[at.group % MOST_GROUPS] + ahead[at.row % ROWS];
-        (
-            self.left_over(from_end_squared(tables, at)),
-            place < self.end_only_from,
-        )
+    fn reaches(&self, _at: BrickAt) -> bool {
+        true
     }
 
     #[inline(always)]
-    fn leaves(&self, tables: &Tables, at: Place) -> Bytes {
-        let [ahead, _] = &*tables.rows;
-        let nearest = self.nearest_squared(at.voxel, ahead[at.row % ROWS]);
-        self.left_over(nearest.lesser(from_end_squared(tables, at)))
+    fn in_brick<'a>(&'a self, tables: &'a Tables, at: BrickAt) -> impl InBrick + 'a {
+        let [nearest, farthest, ahead] =
+            [NEAREST, FARTHEST, AHEAD].map(|number| tables.fours(0, number, at));
+        let bands = [NEAREST, FARTHEST, AHEAD].map(|number| tables.fours(1, number, at));
+        BallInBrick {
+            tables,
+            at,
+            tiles: [nearest, farthest, ahead],
+            any_tile: [
+                bands[0] + nearest.least(),
+                bands[1] + farthest.most(),
+                bands[2] + ahead.most(),
+            ],
+            reach_squared: Floats::splat(self.reach_squared),
+            clear_squared: Floats::splat(self.clear_squared),
+            nowhere: Floats::splat(self.nowhere),
+            at_centre: Floats::splat(self.at_centre),
+        }
     }
 }
 
-/// Squared distances from the end of the way.
-#[inline(always)]
-fn from_end_squared(tables: &Tables, at: Place) -> Floats {
-    let [_, row] = &*tables.rows;
-    Floats::load(&tables.columns[at.group % MOST_GROUPS]) + Floats::splat(row[at.row % ROWS])
+/// The ball in one brick. Squares of distances are sums over the axes, and so are ways along the step.
+struct BallInBrick<'a> {
+    tables: &'a Tables,
+    at: BrickAt,
+    /// As in the tables: of tiles, and of bands together with the extremes over all tiles.
+    tiles: [Floats; 3],
+    any_tile: [Floats; 3],
+    reach_squared: Floats,
+    clear_squared: Floats,
+    nowhere: Floats,
+    at_centre: Floats,
 }
 
-impl BallSweep {
-    /// Squared distance from the nearest point of the way; from its end too, but for rounding.
+impl BallInBrick<'_> {
+    /// Within reach of the end, not wholly where nothing is left, and not wholly behind.
     #[inline(always)]
-    fn nearest_squared(&self, [x, y, z]: [i32; 3], ahead: f32) -> Floats {
-        let from_x = Floats::from(x) + Floats::splat(self.from[0]);
-        let (from_y, from_z) = (y as f32 + self.from[1], z as f32 + self.from[2]);
-        let [along_x, along_y, along_z] = self.step;
-        let along = from_x * Floats::splat(along_x) + Floats::splat(ahead);
-        // Before the start this is the start itself, without rounding.
-        let share = along * Floats::splat(self.per_step_squared);
-        let share = share.greater(Floats::splat(0.0)).lesser(Floats::splat(1.0));
-        let x = from_x - share * Floats::splat(along_x);
-        let y = Floats::splat(from_y) - share * Floats::splat(along_y);
-        let z = Floats::splat(from_z) - share * Floats::splat(along_z);
-        x * x + (y * y + z * z)
+    fn may_change(&self, layer: usize, [nearest, farthest, ahead]: [Floats; 3]) -> u32 {
+        let of_layer = |number| self.tables.layer(number, self.at, layer);
+        let near = (nearest + of_layer(SQUARED)).is_below(self.reach_squared);
+        let left = self
+            .clear_squared
+            .is_below(farthest + of_layer(Z_FROM_SQUARED));
+        let ahead = self.nowhere.is_below(ahead + of_layer(Z_AHEAD));
+        near.and(left).and(ahead).bits()
+    }
+}
+
+impl InBrick for BallInBrick<'_> {
+    #[inline(always)]
+    fn bands(&self, layer: usize) -> u32 {
+        self.may_change(layer, self.any_tile)
     }
 
-    /// What is left over at these squared distances from the way.
     #[inline(always)]
-    fn left_over(&self, squared: Floats) -> Bytes {
-        left_over(squared.sqrt() - Floats::splat(self.radius))
+    fn tiles(&self, layer: usize, band: usize) -> u32 {
+        let of_band = |number| self.tables.band(number, self.at, band);
+        let [nearest, farthest, ahead] = self.tiles;
+        let sums = [
+            nearest + of_band(NEAREST),
+            farthest + of_band(FARTHEST),
+            ahead + of_band(AHEAD),
+        ];
+        self.may_change(layer, sums)
+    }
+
+    #[inline(always)]
+    fn leaves(&self, tile: TileIndex) -> Tile {
+        let along = self.tables.four_voxels(0, SQUARED, self.at, tile.tile());
+        let across = self.tables.four_voxels(1, SQUARED, self.at, tile.band())
+            + self.tables.layer(SQUARED, self.at, tile.layer());
+        let [a, b, c, d] = across.each_splatted();
+        let leaves = |across: Floats| (along + across).sqrt() + self.at_centre;
+        Tile::nearest([leaves(a), leaves(b), leaves(c), leaves(d)])
     }
 }

@@ -2,13 +2,12 @@
 //!
 //! The hull of a box and its copy moved by `m` is bounded by the box's own six planes, each where its box is farther out, and by the
 //! planes that contain an edge direction and `m`: three normals `e x m`, one for each axis `e`. The distance outside the hull is the greatest of
-//! the distances outside these planes, that outside a box the greatest outside its six; a voxel counts by the least of hull and boxes,
-//! which differ only outside the edges of the boxes.
+//! the distances outside these planes, that outside a box the greatest outside its six; a voxel counts by the lesser of hull and the box at
+//! the end, which differ only outside the edges of the box.
 
 use super::way::Way;
-use super::work::{MOST_GROUPS, ROWS, Tables};
-use super::{Place, RAMP, SLACK, Solid, Spans, Start, left_over};
-use crate::lanes::{Bytes, Floats, LANES};
+use super::{BrickAt, HALF_UNITS, InBrick, RAMP, SLACK, Solid, Tables, TileIndex, UNITS_PER_VOXEL};
+use crate::lanes::{Floats, LANES, Tile};
 use crate::tool::{Blade, ToolShape};
 
 /// The hull in voxel units, voxel centres at whole numbers.
@@ -16,22 +15,29 @@ use crate::tool::{Blade, ToolShape};
 /// Where a plane that does not advance decides, the distance is that of the box at the start to the last bit, which is what
 /// makes it exact to look only at what the blade pushes ahead of itself.
 pub(super) struct BladeSweep {
-    half: [f32; 3],
-    /// What to add to a voxel's index to get the way to it from the middle of the box at start and end, and of the hull.
-    from: [f32; 3],
-    to: [f32; 3],
-    middle: [f32; 3],
-    /// The same for the box whose lower, and whose upper plane bounds the hull along each axis.
-    lower: [f32; 3],
-    upper: [f32; 3],
-    step: [f32; 3],
+    axes: [Axis; 3],
     /// The planes askew to the axes; none for a way along an axis.
     slabs: Option<[Slab; 3]>,
     /// Distance outside the hull from which on everything is left, and inside it from which on nothing is.
     reach: f32,
     slack: f32,
-    start: Start,
+    /// Distance outside the box at the start up to which nothing is left: that inside it where the box is cut already, none where it is not.
+    clear: f32,
     bounds: [[i32; 2]; 3],
+}
+
+/// Hull and boxes along one axis.
+#[derive(Clone, Copy)]
+struct Axis {
+    half: f32,
+    /// What to add to a voxel's index to get the way to it from the middle of the box at start and end, and of the hull.
+    from: f32,
+    to: f32,
+    middle: f32,
+    /// The same for the box whose lower, and whose upper plane bounds the hull.
+    lower: f32,
+    upper: f32,
+    step: f32,
 }
 
 /// The slab `|normal . w| <= half` about the hull's middle; one without a normal bounds nothing.
@@ -42,7 +48,18 @@ struct Slab {
 }
 
 impl BladeSweep {
-    pub(super) fn new(blade: &Blade, way: &Way, start: Start) -> Self {
+    /// The box where the way starts.
+    pub(super) fn set_down(blade: &Blade, way: &Way) -> Self {
+        Self {
+            clear: f32::NEG_INFINITY,
+            // Less than whatever is ahead, nothing too.
+            slack: f32::INFINITY,
+            ..Self::new(blade, &way.at_its_start())
+        }
+    }
+
+    /// The hull from there to where the way ends, given that the box where it starts is cut already.
+    pub(super) fn new(blade: &Blade, way: &Way) -> Self {
         let shape = ToolShape::Blade(*blade);
         let half = shape
             .extents_m()
@@ -51,72 +68,125 @@ impl BladeSweep {
             .middle_from_pose_m()
             .map(|offset_m| offset_m * way.per_metre);
         let way = way.shifted(lift);
-        let step = way.step();
-        let negated = |at: [f64; 3]| at.map(|at| -at as f32);
-        let (from, to) = (negated(way.from), negated(way.to));
+        let (step, middle) = (way.step(), way.middle());
         let slack = SLACK + 8.0 * way.rounding;
         let reach = RAMP + slack;
         let along_axes = step.iter().filter(|&&d| d.abs() <= 0.0).count();
+        let axes = std::array::from_fn(|axis| {
+            let (from, to) = (-way.from[axis] as f32, -way.to[axis] as f32);
+            Axis {
+                half: half[axis] as f32,
+                from,
+                to,
+                middle: -middle[axis] as f32,
+                lower: if step[axis] < 0.0 { to } else { from },
+                upper: if 0.0 < step[axis] { to } else { from },
+                step: step[axis] as f32,
+            }
+        });
         Self {
-            half: half.map(|half| half as f32),
-            from,
-            to,
-            middle: negated(way.middle()),
-            lower: std::array::from_fn(|axis| {
-                if step[axis] < 0.0 {
-                    to[axis]
-                } else {
-                    from[axis]
-                }
-            }),
-            upper: std::array::from_fn(|axis| {
-                if 0.0 < step[axis] {
-                    to[axis]
-                } else {
-                    from[axis]
-                }
-            }),
-            step: step.map(|d| d as f32),
+            axes,
             slabs: (along_axes < 2)
                 .then(|| std::array::from_fn(|axis| Slab::along(axis, step, half))),
             reach: reach as f32,
             slack: slack as f32,
-            start,
+            clear: -reach as f32,
             bounds: way.bounds(half.map(|half| half + reach)),
         }
     }
+}
 
-    /// Distance outside the hull's two planes across an axis.
+impl Axis {
+    /// Distance of places above the upper plane of the box whose middle is at `-offset`.
     #[inline(always)]
-    fn outside(&self, axis: usize, at: Floats) -> Floats {
-        let half = Floats::splat(self.half[axis]);
-        let above = at + Floats::splat(self.upper[axis]) - half;
-        let below = Floats::splat(0.0) - (at + Floats::splat(self.lower[axis])) - half;
-        above.greater(below)
+    fn above(&self, at: Floats, offset: f32) -> Floats {
+        at + Floats::splat(offset) - Floats::splat(self.half)
     }
 
-    /// Distances outside the planes of the box at the start across an axis: those that advance, and those that do not.
+    /// Distance of places below its lower plane.
     #[inline(always)]
-    fn advancing(&self, axis: usize, at: Floats) -> [Floats; 2] {
-        let way = at + Floats::splat(self.from[axis]);
-        let half = Floats::splat(self.half[axis]);
-        let (above, below) = (way - half, Floats::splat(0.0) - way - half);
-        if self.step[axis] < 0.0 {
-            [below, above]
-        } else if 0.0 < self.step[axis] {
-            [above, below]
+    fn below(&self, at: Floats, offset: f32) -> Floats {
+        Floats::splat(0.0) - (at + Floats::splat(offset)) - Floats::splat(self.half)
+    }
+
+    /// Distance outside the hull's two planes.
+    #[inline(always)]
+    fn outside_hull(&self, at: Floats) -> Floats {
+        self.above(at, self.upper)
+            .greater(self.below(at, self.lower))
+    }
+
+    /// Distance outside the two planes of the box at the end.
+    #[inline(always)]
+    fn outside_end(&self, at: Floats) -> Floats {
+        self.above(at, self.to).greater(self.below(at, self.to))
+    }
+
+    /// Bounds on distances in runs of places.
+    #[inline(always)]
+    fn bounds(&self, first: Floats, last: Floats) -> Bounds {
+        let none = Floats::splat(f32::MIN);
+        let from = self.from;
+        let nearest = |upper, lower| self.above(first, upper).greater(self.below(last, lower));
+        let (ahead, still) = if self.step < 0.0 {
+            (self.below(first, from), self.above(first, from))
+        } else if 0.0 < self.step {
+            (self.above(last, from), self.below(last, from))
         } else {
-            [Floats::splat(f32::NEG_INFINITY), above.greater(below)]
+            (none, nearest(from, from))
+        };
+        Bounds {
+            nearest: nearest(self.upper, self.lower),
+            farthest: self.above(last, from).greater(self.below(first, from)),
+            ahead,
+            still,
+        }
+    }
+}
+
+/// Bounds on distances of some places: the least outside the hull; outside the box at the start the greatest, the greatest outside its
+/// planes that advance and the least outside those that do not.
+#[derive(Clone, Copy)]
+struct Bounds {
+    nearest: Floats,
+    farthest: Floats,
+    ahead: Floats,
+    still: Floats,
+}
+
+impl Bounds {
+    /// Of all places along another axis as well.
+    #[inline(always)]
+    fn and(self, other: Self) -> Self {
+        Self {
+            nearest: self.nearest.greater(other.nearest),
+            farthest: self.farthest.greater(other.farthest),
+            ahead: self.ahead.greater(other.ahead),
+            still: self.still.greater(other.still),
         }
     }
 
-    /// Distance outside the box whose middle is at `-offset`.
+    /// Of the places of any lane.
     #[inline(always)]
-    fn outside_box(&self, offset: &[f32; 3], [x, y, z]: [Floats; 3]) -> Floats {
-        let outside = |at: Floats, axis: usize| {
-            (at + Floats::splat(offset[axis])).abs() - Floats::splat(self.half[axis])
-        };
-        outside(x, 0).greater(outside(y, 1)).greater(outside(z, 2))
+    fn any(self) -> Self {
+        Self {
+            nearest: self.nearest.least(),
+            farthest: self.farthest.most(),
+            ahead: self.ahead.most(),
+            still: self.still.least(),
+        }
+    }
+
+    /// From the tables.
+    #[inline(always)]
+    fn read(number: impl Fn(usize) -> Floats) -> Self {
+        let [nearest, farthest, ahead, still] = BOUNDS;
+        Self {
+            nearest: number(nearest),
+            farthest: number(farthest),
+            ahead: number(ahead),
+            still: number(still),
+        }
     }
 }
 
@@ -137,12 +207,54 @@ impl Slab {
             half: (na.abs() * half[a] + nb.abs() * half[b]) as f32,
         }
     }
+}
 
-    /// Place along the normal.
+/// What is left over at a distance outside a solid. It grows with the distance in spite of rounding, so the greatest or least of
+/// several is the same before and after.
+#[inline(always)]
+fn left_over(distance: Floats) -> Floats {
+    Floats::splat(HALF_UNITS as f32) + Floats::splat(UNITS_PER_VOXEL as f32) * distance
+}
+
+/// Numbers of voxels: what is left over by the distance outside the hull's planes across the axis, and outside those of the box at the
+/// end; ways along the normals of three slabs; and along z, where a layer is one voxel thick, [`Bounds`].
+const HULL: usize = 0;
+const END: usize = 1;
+const SLABS: [usize; 3] = [2, 3, 4];
+const LAYER_BOUNDS: [usize; 4] = [5, 6, 7, 8];
+/// Numbers of fours: [`Bounds`], and ways of their middles along the normals of three slabs.
+const BOUNDS: [usize; 4] = [0, 1, 2, 3];
+const SLAB_MIDDLES: [usize; 3] = [4, 5, 6];
+
+impl BladeSweep {
+    /// Notes bounds of places, each from `first` to `last`.
     #[inline(always)]
-    fn along_normal(&self, [x, y, z]: [Floats; 3]) -> Floats {
-        let [nx, ny, nz] = self.normal.map(Floats::splat);
-        nx * x + (ny * y + nz * z)
+    fn bounds_of(&self, axis: usize, of: usize, first: Floats, last: Floats) -> Floats {
+        let bounds = self.axes[axis].bounds(first, last);
+        [bounds.nearest, bounds.farthest, bounds.ahead, bounds.still][of]
+    }
+
+    /// Ways along a slab's normal that places along an axis make.
+    #[inline(always)]
+    fn along(&self, slab: &Slab, axis: usize, at: Floats) -> Floats {
+        (at + Floats::splat(self.axes[axis].middle)) * Floats::splat(slab.normal[axis])
+    }
+
+    fn prepare_askew(&self, slabs: &[Slab; 3], tables: &mut Tables, bricks: [[i32; 2]; 3]) {
+        let half = Floats::splat(0.5 * (LANES - 1) as f32);
+        for axis in 0..3 {
+            tables.note_voxels(axis, END, bricks[axis], |first| {
+                left_over(self.axes[axis].outside_end(Floats::stepping(first, 1)))
+            });
+            for (slab, (number, middles)) in slabs.iter().zip(SLABS.into_iter().zip(SLAB_MIDDLES)) {
+                tables.note_voxels(axis, number, bricks[axis], |first| {
+                    self.along(slab, axis, Floats::stepping(first, 1))
+                });
+                tables.note_fours(axis, middles, bricks[axis], |first| {
+                    self.along(slab, axis, Floats::stepping(first, LANES as i32) + half)
+                });
+            }
+        }
     }
 }
 
@@ -151,119 +263,144 @@ impl Solid for BladeSweep {
         self.bounds
     }
 
-    fn skips_layer(&self, _z: i32) -> bool {
-        false
-    }
-
-    fn prepare(&self, tables: &mut Tables, [start, end]: [i32; 2]) {
-        for group in start..end {
-            let x = Floats::from(group * LANES as i32);
-            self.outside(0, x)
-                .store(&mut tables.columns[group as usize]);
-        }
-    }
-
     #[inline(always)]
-    fn spans(&self, tables: &mut Tables, y: i32, z: i32, row: usize) -> Spans {
-        let nothing = Floats::splat(f32::NAN);
-        let (reach, slack) = (Floats::splat(self.reach), Floats::splat(self.slack));
-        let (y, z) = (Floats::from(y), Floats::splat(z as f32));
-        let hull_yz = self.outside(1, y).greater(self.outside(2, z));
-        hull_yz.store(&mut tables.rows[0].as_chunks_mut().0[row / LANES]);
-
-        let (lower_x, upper_x) = (Floats::splat(-self.lower[0]), Floats::splat(-self.upper[0]));
-        let half_x = Floats::splat(self.half[0]);
-        let mut low = lower_x - half_x - reach;
-        let mut high = upper_x + half_x + reach;
-        for slab in self.slabs.iter().flatten() {
-            // Against a slope this slight, a row would be cut far away, and rounding errors with it.
-            if slab.normal[0].abs() < 1e-3 {
-                continue;
+    fn prepare(&self, tables: &mut Tables, bricks: [[i32; 2]; 3]) {
+        for axis in 0..3 {
+            tables.note_voxels(axis, HULL, bricks[axis], |first| {
+                left_over(self.axes[axis].outside_hull(Floats::stepping(first, 1)))
+            });
+        }
+        for number in BOUNDS {
+            for axis in 0..2 {
+                tables.note_fours(axis, number, bricks[axis], |first| {
+                    let [first, last] = [first, first + LANES as i32 - 1]
+                        .map(|at| Floats::stepping(at, LANES as i32));
+                    self.bounds_of(axis, number, first, last)
+                });
             }
-            let middle = [
-                Floats::splat(0.0),
-                y + Floats::splat(self.middle[1]),
-                z + Floats::splat(self.middle[2]),
-            ];
-            let per_slope = 1.0 / slab.normal[0];
-            let centre = slab.along_normal(middle) * Floats::splat(-per_slope)
-                - Floats::splat(self.middle[0]);
-            // A voxel within reach of an end box's planes may be this much farther from a plane through its edge.
-            let within = slab.half + std::f32::consts::SQRT_2 * self.reach;
-            let within = Floats::splat(within * per_slope.abs());
-            low = low.greater(centre - within);
-            high = high.lesser(centre + within);
+            tables.note_voxels(2, LAYER_BOUNDS[number], bricks[2], |first| {
+                let at = Floats::stepping(first, 1);
+                self.bounds_of(2, number, at, at)
+            });
         }
-        high = reach.where_below(hull_yz, nothing, high);
-        if self.start == Start::Unknown {
-            return Spans {
-                first: [low, high],
-                second: [nothing; 2],
-            };
-        }
-
-        // A voxel changes only if, seen from the box at the start, a plane that advances is the farthest.
-        let [[ahead_y, still_y], [ahead_z, still_z]] = [self.advancing(1, y), self.advancing(2, z)];
-        let (ahead, still) = (ahead_y.greater(ahead_z), still_y.greater(still_z));
-        let zero = Floats::splat(0.0);
-        // Along x, in the direction of the step: past the middle or where y and z have it over the trailing plane...
-        let past = (zero - half_x - ahead).lesser(zero);
-        // ...and where y and z are behind, as far as the leading plane needs to have it over them.
-        let past = ahead.where_below(still - slack, past.greater(half_x + still), past) - slack;
-        let from_x = Floats::splat(-self.from[0]);
-        if self.step[0] < 0.0 {
-            high = (from_x - past).lesser(high);
-        } else if 0.0 < self.step[0] {
-            low = (from_x + past).greater(low);
-        } else {
-            high = ahead.where_below(still - slack, nothing, high);
-        }
-        // Deep inside the box at the start nothing is left. NaN where the row misses that: the first span is then
-        // whole, and leaves nothing to the second.
-        let deep = ahead
-            .greater(still)
-            .where_below(zero - reach, half_x - reach, nothing);
-        let deep = zero.where_below(deep, deep, nothing);
-        Spans {
-            first: [low, (from_x - deep).lesser(high)],
-            second: [(from_x + deep).greater(low), high],
+        if let Some(slabs) = &self.slabs {
+            self.prepare_askew(slabs, tables, bricks);
         }
     }
 
-    #[inline(always)]
-    fn leaves_at_most(&self, tables: &Tables, at: Place) -> (Bytes, bool) {
-        (self.leaves(tables, at), false)
+    fn reaches(&self, _at: BrickAt) -> bool {
+        true
     }
 
     #[inline(always)]
-    fn leaves(
-        &self,
-        tables: &Tables,
-        Place {
-            voxel: [x, y, z],
-            row,
-            group,
-        }: Place,
-    ) -> Bytes {
-        let hull = Floats::load(&tables.columns[group % MOST_GROUPS])
-            .greater(Floats::splat(tables.rows[0][row % ROWS]));
+    fn in_brick<'a>(&'a self, tables: &'a Tables, at: BrickAt) -> impl InBrick + 'a {
+        let [tiles, bands] =
+            [0, 1].map(|axis| Bounds::read(|number| tables.fours(axis, number, at)));
+        // A voxel within reach of a box's planes may be this much farther from a plane through its edge.
+        let corner = std::f32::consts::SQRT_2 * self.reach;
+        let half = 0.5 * (LANES - 1) as f32;
+        BladeInBrick {
+            tables,
+            at,
+            tiles,
+            any_tile: bands.and(tiles.any()),
+            slabs: self.slabs.map(|slabs| {
+                slabs.map(|slab| {
+                    let [x, y, _] = slab.normal;
+                    let reach = slab.half + corner + half * (x.abs() + y.abs());
+                    [slab.half, reach].map(Floats::splat)
+                })
+            }),
+            reach: Floats::splat(self.reach),
+            clear: Floats::splat(self.clear),
+            slack: Floats::splat(self.slack),
+        }
+    }
+}
+
+/// The hull in one brick. The distance outside several planes is the greatest of the distances, each a matter of one axis, but for the
+/// planes askew.
+struct BladeInBrick<'a> {
+    tables: &'a Tables,
+    at: BrickAt,
+    tiles: Bounds,
+    /// Of bands, together with the extremes over all tiles.
+    any_tile: Bounds,
+    /// Of each slab, half its thickness, and how far a tile's middle may be from its middle for anything in the tile to change.
+    slabs: Option<[[Floats; 2]; 3]>,
+    reach: Floats,
+    clear: Floats,
+    slack: Floats,
+}
+
+impl BladeInBrick<'_> {
+    /// Within reach of the hull, not wholly where nothing is left, and not wholly where a plane that does not advance is the farthest
+    /// seen from the box at the start: there nothing changes.
+    #[inline(always)]
+    fn may_change(&self, layer: usize, bounds: Bounds) -> u32 {
+        let of_layer = |number: usize| self.tables.layer(LAYER_BOUNDS[number], self.at, layer);
+        let bounds = bounds.and(Bounds::read(of_layer));
+        let near = bounds.nearest.is_below(self.reach);
+        let left = self.clear.is_below(bounds.farthest);
+        let ahead = (bounds.still - self.slack).is_below(bounds.ahead);
+        near.and(left).and(ahead).bits()
+    }
+
+    /// What is left over by the planes of the hull, or of the box at the end.
+    #[inline(always)]
+    fn by_planes(&self, number: usize, tile: TileIndex) -> [Floats; LANES] {
+        let along = self.tables.four_voxels(0, number, self.at, tile.tile());
+        let bands = self.tables.four_voxels(1, number, self.at, tile.band());
+        let across = bands.greater(self.tables.layer(number, self.at, tile.layer()));
+        let [a, b, c, d] = across.each_splatted();
+        [
+            along.greater(a),
+            along.greater(b),
+            along.greater(c),
+            along.greater(d),
+        ]
+    }
+}
+
+impl InBrick for BladeInBrick<'_> {
+    #[inline(always)]
+    fn bands(&self, layer: usize) -> u32 {
+        self.may_change(layer, self.any_tile)
+    }
+
+    #[inline(always)]
+    fn tiles(&self, layer: usize, band: usize) -> u32 {
+        let bands = Bounds::read(|number| self.tables.band(number, self.at, band));
+        let mut tiles = self.may_change(layer, self.tiles.and(bands));
+        for (slab, [_, reach]) in self.slabs.iter().flatten().enumerate() {
+            let along = self.tables.fours(0, SLAB_MIDDLES[slab], self.at)
+                + (self.tables.band(SLAB_MIDDLES[slab], self.at, band)
+                    + self.tables.layer(SLABS[slab], self.at, layer));
+            tiles &= along.abs().is_below(*reach).bits();
+        }
+        tiles
+    }
+
+    #[inline(always)]
+    fn leaves(&self, tile: TileIndex) -> Tile {
+        let mut hull = self.by_planes(HULL, tile);
         let Some(slabs) = &self.slabs else {
-            return left_over(hull);
+            return Tile::nearest(hull);
         };
-        let at = [
-            Floats::from(x),
-            Floats::splat(y as f32),
-            Floats::splat(z as f32),
-        ];
-        let middle = std::array::from_fn(|axis| at[axis] + Floats::splat(self.middle[axis]));
-        let mut hull = hull;
-        for slab in slabs {
-            hull = hull.greater(slab.along_normal(middle).abs() - Floats::splat(slab.half));
+        for (slab, [half, _]) in slabs.iter().enumerate() {
+            let along = self
+                .tables
+                .four_voxels(0, SLABS[slab], self.at, tile.tile());
+            let across = self
+                .tables
+                .four_voxels(1, SLABS[slab], self.at, tile.band())
+                + self.tables.layer(SLABS[slab], self.at, tile.layer());
+            for (hull, across) in hull.iter_mut().zip(across.each_splatted()) {
+                *hull = hull.greater(left_over((along + across).abs() - *half));
+            }
         }
-        // The hull lies about both boxes, but for rounding and outside their edges.
-        let ends = self
-            .outside_box(&self.from, at)
-            .lesser(self.outside_box(&self.to, at));
-        left_over(hull.lesser(ends))
+        // The hull lies about the box at the end, but for rounding and outside its edges.
+        let end = self.by_planes(END, tile);
+        Tile::nearest(std::array::from_fn(|row| hull[row].lesser(end[row])))
     }
 }

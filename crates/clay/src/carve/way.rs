@@ -44,6 +44,32 @@ impl Way {
         }
     }
 
+    /// No way, from the start to the start.
+    pub(super) fn at_its_start(&self) -> Self {
+        Self {
+            to: self.from,
+            ..*self
+        }
+    }
+
+    /// From its end to its start.
+    pub(super) fn backwards(&self) -> Self {
+        Self {
+            from: self.to,
+            to: self.from,
+            ..*self
+        }
+    }
+
+    /// Whether it leads nowhere.
+    pub(super) fn is_standing(&self) -> bool {
+        self.length_squared() <= 0.0
+    }
+
+    pub(super) fn length_squared(&self) -> f64 {
+        self.step().iter().map(|d| d * d).sum()
+    }
+
     pub(super) fn step(&self) -> [f64; 3] {
         std::array::from_fn(|axis| self.to[axis] - self.from[axis])
     }
@@ -54,14 +80,23 @@ impl Way {
 
     /// Voxels within `reach` of the way along each axis, from the first up to but not including the last.
     pub(super) fn bounds(&self, reach: [f64; 3]) -> [[i32; 2]; 3] {
-        // Grids end far below 1000, so clamping there loses nothing and keeps the conversion exact.
-        let index = |at: f64| at.clamp(-1.0, 1000.0) as i32;
         std::array::from_fn(|axis| {
             let (a, b) = (self.from[axis], self.to[axis]);
-            [
-                index(a.min(b) - reach[axis]),
-                index(a.max(b) + reach[axis] + 1.0),
-            ]
+            let [first, _] = Self::voxels_about(a.min(b), reach[axis]);
+            let [_, end] = Self::voxels_about(a.max(b), reach[axis]);
+            [first, end]
         })
     }
+
+    /// Voxels within `reach` of a place along an axis, from the first up to but not including the last.
+    pub(super) fn voxels_about(at: f64, reach: f64) -> [i32; 2] {
+        // Grids end far below 1000, so clamping there loses nothing and keeps the conversion exact.
+        let index = |at: f64| at.clamp(-1.0, 1000.0) as i32;
+        [index(at - reach), index(at + reach + 1.0)]
+    }
+}
+
+/// A voxel whose centre is within one voxel of a place along an axis.
+pub(super) fn nearest_voxel(at: f64) -> i32 {
+    at as i32
 }

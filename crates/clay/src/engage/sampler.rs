@@ -2,9 +2,9 @@
 
 use super::LOOK_AHEAD_VOXELS;
 use super::points::{FacePairs, Tool};
-use crate::field::{Brick, Field, SOLID};
+use crate::field::{Field, Reader, SOLID};
 use crate::grid::BRICK_EDGE;
-use crate::lanes::{Floats, LANES};
+use crate::lanes::{Floats, Ints, LANES};
 use crate::pose::Pose;
 
 /// A flat face that slants more than this against the motion is felt nearer than [`LOOK_AHEAD_VOXELS`], so as not to reach far beyond its
@@ -19,42 +19,38 @@ const NONE_BELOW: f64 = 0.45;
 
 /// Binary places of a sample's position between voxels.
 const PLACES: u32 = 12;
-/// Occupancies interpolated three times with eight binary places each.
-const INTERPOLATED_SOLID: f64 = SOLID as f64 * 16_777_216.0;
-const LOWEST: u32 = (NONE_BELOW * INTERPOLATED_SOLID) as u32;
-const RANGE: u32 = ((FULL_FROM - NONE_BELOW) * INTERPOLATED_SOLID) as u32;
+const LOWEST: f32 = (NONE_BELOW * SOLID as f64) as f32;
+const RANGE: f32 = ((FULL_FROM - NONE_BELOW) * SOLID as f64) as f32;
 
-/// Reads occupancy in front of the faces of a tool. Interpolation is in integers.
+/// Reads occupancy in front of the faces of a tool.
 pub(super) struct Sampler<'a> {
     field: &'a Field,
+    reader: Reader<'a>,
     /// Middle of the tool, in voxels, voxel centres at whole numbers.
     middle: [f32; 3],
     per_metre: f32,
     /// Radius of curvature of the tool's faces, in voxels; `None` for flat ones.
     radius: Option<f32>,
-    /// Where the brick beyond, and the voxel beyond, is stored along each axis.
-    brick_strides: [usize; 3],
     /// Voxels that storage has along each axis.
-    voxels: [i32; 3],
+    voxels: [f32; 3],
 }
-
-const VOXEL_STRIDES: [usize; 3] = [1, BRICK_EDGE, BRICK_EDGE * BRICK_EDGE];
 
 impl<'a> Sampler<'a> {
     pub(super) fn new(field: &'a Field, tool: &Tool, pose: Pose) -> Self {
         let per_metre = 1.0 / field.grid().voxel_size_m();
         let position_m = pose.position_m();
-        let bricks = field.grid().bricks();
-        let [bricks_x, bricks_y, _] = bricks.map(usize::from);
         Self {
             field,
+            reader: field.reader(),
             middle: std::array::from_fn(|axis| {
                 ((position_m[axis] + tool.middle_from_pose_m[axis]) * per_metre - 0.5) as f32
             }),
             per_metre: per_metre as f32,
             radius: tool.radius_m.map(|radius_m| (radius_m * per_metre) as f32),
-            brick_strides: [1, bricks_x, bricks_x * bricks_y],
-            voxels: bricks.map(|count| i32::from(count) * BRICK_EDGE as i32),
+            voxels: field
+                .grid()
+                .bricks()
+                .map(|count| f32::from(count) * BRICK_EDGE as f32),
         }
     }
 
@@ -125,116 +121,97 @@ impl<'a> Sampler<'a> {
             None => Floats::splat(look_ahead) / cosine.greater(Floats::splat(LEAST_COSINE)),
         };
         let scale = (1 << PLACES) as f32;
-        let mut places = [[0; LANES]; 3];
-        for axis in 0..3 {
+        let place = |axis: usize| {
             let offset = side * Floats::load(&pairs.offset_m[axis]) * Floats::splat(self.per_metre);
             let place =
                 Floats::splat(self.middle[axis]) + offset + reach * Floats::splat(ahead[axis]);
-            // Grids end far below 1000: a place kept there is in air as it was before.
-            places[axis] = (place * Floats::splat(scale))
-                .nearest_within([-1000.0 * scale, 1000.0 * scale])
-                .to_array();
-        }
-        let [x, y, z] = places;
-        let mut engaged = [0.0; LANES];
-        for lane in 0..LANES {
-            let occupancy = self.interpolated([x[lane], y[lane], z[lane]]);
-            engaged[lane] = (occupancy.max(LOWEST) - LOWEST).min(RANGE) as f32;
-        }
-        Floats::from_array(engaged) * Floats::splat(1.0 / RANGE as f32)
+            // Kept in the border of air about the grid, from where it is counted.
+            let most = self.voxels[axis] + (2 * BRICK_EDGE - 2) as f32;
+            ((place + Floats::splat(BRICK_EDGE as f32)) * Floats::splat(scale))
+                .nearest_within([0.0, most * scale])
+        };
+        let ahead = self.interpolated([place(0), place(1), place(2)]) - Floats::splat(LOWEST);
+        let kept = ahead
+            .greater(Floats::splat(0.0))
+            .lesser(Floats::splat(RANGE));
+        kept * Floats::splat(1.0 / RANGE)
     }
 
-    /// Occupancy interpolated between the eight voxel centres about a place.
+    /// Occupancy interpolated between the eight voxel centres about places.
     #[inline(always)]
-    fn interpolated(&self, at: [i32; 3]) -> u32 {
-        let [x, y, z] = [at[0] >> PLACES, at[1] >> PLACES, at[2] >> PLACES];
-        let share = [
-            eight_places(at[0]),
-            eight_places(at[1]),
-            eight_places(at[2]),
-        ];
-        let last = BRICK_EDGE as i32 - 1;
-        let outside = (self.voxels[0] as u32 <= x as u32)
-            | (self.voxels[1] as u32 <= y as u32)
-            | (self.voxels[2] as u32 <= z as u32);
-        let astride = (x & last == last) | (y & last == last) | (z & last == last);
-        if outside | astride {
-            return self.interpolated_across_bricks([x, y, z], share);
+    fn interpolated(&self, places: [Ints; 3]) -> Floats {
+        const EDGE: i32 = BRICK_EDGE as i32;
+        const EDGE_PLACES: i32 = EDGE.trailing_zeros() as i32;
+        let whole = |axis: usize| places[axis].shifted_right::<{ PLACES as i32 }>();
+        let (x, y, z) = (whole(0), whole(1), whole(2));
+        let [_, stride_y, stride_z] = self.reader.strides;
+        // Where the voxel's row is: by bricks, and in its brick.
+        let along_y = |y: Ints| {
+            let brick = y.shifted_right::<EDGE_PLACES>().times(stride_y as i16);
+            (brick, y.masked(EDGE - 1).shifted_left::<EDGE_PLACES>())
+        };
+        let along_z = |z: Ints| {
+            let brick = z.shifted_right::<EDGE_PLACES>().times(stride_z as i16);
+            (
+                brick,
+                z.masked(EDGE - 1).shifted_left::<{ 2 * EDGE_PLACES }>(),
+            )
+        };
+        let x_in_brick = x.masked(EDGE - 1);
+        let x_brick = x.shifted_right::<EDGE_PLACES>();
+        let one = Ints::splat(1);
+        let (ys, zs) = (
+            [along_y(y), along_y(y + one)],
+            [along_z(z), along_z(z + one)],
+        );
+        let mut corners = [0; LANES];
+        let mut rows = [([0; LANES], [0; LANES]); 4];
+        for (row, (bricks, voxels)) in rows.iter_mut().enumerate() {
+            let ((y_brick, y), (z_brick, z)) = (ys[row % 2], zs[row / 2]);
+            *bricks = (x_brick + (y_brick + z_brick)).to_array();
+            *voxels = (x_in_brick + (y + z)).to_array();
         }
-        let [x, y, z] = [x as usize, y as usize, z as usize];
-        let [_, stride_y, stride_z] = self.brick_strides;
-        let brick = x / BRICK_EDGE + y / BRICK_EDGE * stride_y + z / BRICK_EDGE * stride_z;
-        match self.field.brick(brick) {
-            Brick::Empty => 0,
-            Brick::Full => u32::from(SOLID) << 24,
-            Brick::Slot(slot) => {
-                const ROW: usize = VOXEL_STRIDES[1];
-                const LAYER: usize = VOXEL_STRIDES[2];
-                let (x, y, z) = (x % BRICK_EDGE, y % BRICK_EDGE, z % BRICK_EDGE);
-                let first = z * LAYER + y * ROW + x;
-                let corner = &self.field.slot(slot)[first..first + LAYER + ROW + 2];
-                trilinear(
-                    [
-                        corner[0],
-                        corner[1],
-                        corner[ROW],
-                        corner[ROW + 1],
-                        corner[LAYER],
-                        corner[LAYER + 1],
-                        corner[LAYER + ROW],
-                        corner[LAYER + ROW + 1],
-                    ],
-                    share,
-                )
-            }
+        for (lane, corners) in corners.iter_mut().enumerate() {
+            let pair = |row: usize| {
+                let (bricks, voxels) = &rows[row];
+                self.reader.pair(bricks[lane] as u32, voxels[lane] as u32)
+            };
+            *corners = pair(0) | pair(1) << 16 | pair(2) << 32 | pair(3) << 48;
         }
+        if x_in_brick.equals(Ints::splat(EDGE - 1)).bits() != 0 {
+            self.step_across(x_in_brick, &rows, &mut corners);
+        }
+        let share = |axis: usize| {
+            let share = places[axis].masked((1 << PLACES) - 1).to_floats();
+            share * Floats::splat(1.0 / (1 << PLACES) as f32)
+        };
+        let (x, y, z) = (share(0), share(1), share(2));
+        let between = |a: Floats, b: Floats, share: Floats| a + (b - a) * share;
+        let [a, b, c, d, e, f, g, h] = Floats::of_bytes(corners);
+        let lower = between(between(a, b, x), between(c, d, x), y);
+        let upper = between(between(e, f, x), between(g, h, x), y);
+        between(lower, upper, z)
     }
 
-    /// The same where the eight are not in one brick.
-    fn interpolated_across_bricks(&self, base: [i32; 3], share: [u32; 3]) -> u32 {
-        // Along each axis, for the two voxels about the place: which brick and which voxel in it; nothing outside.
-        let mut bricks = [[0; 2]; 3];
-        let mut voxels = [[0; 2]; 3];
-        let mut inside = [[true; 2]; 3];
-        for axis in 0..3 {
-            for side in 0..2 {
-                let at = base[axis] + side as i32;
-                inside[axis][side] = 0 <= at && at < self.voxels[axis];
-                let at = if inside[axis][side] { at as usize } else { 0 };
-                bricks[axis][side] = at / BRICK_EDGE * self.brick_strides[axis];
-                voxels[axis][side] = at % BRICK_EDGE * VOXEL_STRIDES[axis];
-            }
-        }
-        let mut corners = [0; 8];
-        for (corner, occupancy) in corners.iter_mut().enumerate() {
-            let [x, y, z] = [corner & 1, corner >> 1 & 1, corner >> 2];
-            if !(inside[0][x] & inside[1][y] & inside[2][z]) {
+    /// Reads the second voxels of pairs that lie in two bricks.
+    #[cold]
+    fn step_across(
+        &self,
+        x_in_brick: Ints,
+        rows: &[([i32; LANES], [i32; LANES]); 4],
+        corners: &mut [u64; LANES],
+    ) {
+        const LAST: i32 = BRICK_EDGE as i32 - 1;
+        for (lane, x) in x_in_brick.to_array().into_iter().enumerate() {
+            if x != LAST {
                 continue;
             }
-            *occupancy = match self.field.brick(bricks[0][x] + bricks[1][y] + bricks[2][z]) {
-                Brick::Empty => 0,
-                Brick::Full => SOLID,
-                Brick::Slot(slot) => {
-                    self.field.slot(slot)[voxels[0][x] + voxels[1][y] + voxels[2][z]]
-                }
-            };
+            for (row, (bricks, voxels)) in rows.iter().enumerate() {
+                let (brick, voxel) = (bricks[lane] + 1, voxels[lane] - LAST);
+                let next = self.reader.pair(brick as u32, voxel as u32) & 0xFF;
+                let at = 16 * row + 8;
+                corners[lane] = corners[lane] & !(0xFF << at) | next << at;
+            }
         }
-        trilinear(corners, share)
     }
-}
-
-/// Where a place is between two voxels, in 256ths.
-#[inline(always)]
-fn eight_places(at: i32) -> u32 {
-    (at >> (PLACES - 8)) as u32 & 0xFF
-}
-
-/// Interpolates between corners in the order x fastest, then y, then z; shares are of 256.
-#[inline(always)]
-fn trilinear(corners: [u8; 8], [x, y, z]: [u32; 3]) -> u32 {
-    let between = |a: u32, b: u32, share: u32| a * (256 - share) + b * share;
-    let row = |first: usize| between(u32::from(corners[first]), u32::from(corners[first + 1]), x);
-    let lower = between(row(0), row(2), y);
-    let upper = between(row(4), row(6), y);
-    between(lower, upper, z)
 }

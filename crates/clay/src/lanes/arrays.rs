@@ -2,7 +2,8 @@
 
 use std::ops::{Add, Div, Mul, Sub};
 
-use super::{Bytes, LANES};
+use super::{LANES, four_of};
+use crate::grid::BRICK_VOXELS;
 
 /// Four singles.
 #[derive(Clone, Copy, Debug)]
@@ -12,7 +13,20 @@ pub(crate) struct Floats([f32; LANES]);
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Ints([i32; LANES]);
 
+/// Sixteen occupancies: four along x in each of four rows.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Tile([[u8; LANES]; LANES]);
+
+/// For each lane, whether something holds.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Where([bool; LANES]);
+
+/// How much was removed.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Removed(u32);
+
 impl Floats {
+    #[cfg(test)]
     pub(crate) fn from_array(lanes: [f32; LANES]) -> Self {
         Self(lanes)
     }
@@ -27,6 +41,12 @@ impl Floats {
 
     pub(crate) fn store(self, lanes: &mut [f32; LANES]) {
         *lanes = self.0;
+    }
+
+    /// Eight bytes of each lane, from the lowest on: the first of all lanes, the second of all lanes, and so on.
+    pub(crate) fn of_bytes(lanes: [u64; LANES]) -> [Self; 8] {
+        let lanes = lanes.map(u64::to_le_bytes);
+        std::array::from_fn(|at| Self(lanes.map(|bytes| f32::from(bytes[at]))))
     }
 
     /// The same number in every lane.
@@ -74,10 +94,33 @@ impl Floats {
         Ints(kept.0.map(nearest))
     }
 
-    /// The whole numbers nearest to these, ties to even, and kept between 0 and 255. None may be NaN.
-    pub(crate) fn to_bytes(self) -> Bytes {
-        let kept = self.greater(Self::splat(0.0)).lesser(Self::splat(255.0));
-        u32::from_le_bytes(kept.0.map(|at| nearest(at) as u8))
+    /// Each lane in all lanes of one of its own.
+    pub(crate) fn each_splatted(self) -> [Self; LANES] {
+        self.0.map(Self::splat)
+    }
+
+    /// The least of all lanes, in each. None may be NaN.
+    pub(crate) fn least(self) -> Self {
+        let [a, b, c, d] = self.each_splatted();
+        a.lesser(b).lesser(c.lesser(d))
+    }
+
+    /// The greatest of all lanes, in each. None may be NaN.
+    pub(crate) fn most(self) -> Self {
+        let [a, b, c, d] = self.each_splatted();
+        a.greater(b).greater(c.greater(d))
+    }
+
+    /// Where these are less than `bound`; not where either is NaN.
+    pub(crate) fn is_below(self, bound: Self) -> Where {
+        Where(std::array::from_fn(|lane| self.0[lane] < bound.0[lane]))
+    }
+
+    /// `first` in the first lane, and `step` more in each that follows.
+    pub(crate) fn stepping(first: i32, step: i32) -> Self {
+        Self(std::array::from_fn(|lane| {
+            (first + lane as i32 * step) as f32
+        }))
     }
 
     fn with(self, other: Self, each: impl Fn(f32, f32) -> f32) -> Self {
@@ -93,13 +136,6 @@ const ROUNDER: f32 = 12_582_912.0;
 
 fn nearest(at: f32) -> i32 {
     (at + ROUNDER).to_bits() as i32 - ROUNDER.to_bits() as i32
-}
-
-impl From<i32> for Floats {
-    /// This number and the next ones.
-    fn from(first: i32) -> Self {
-        Self(std::array::from_fn(|lane| (first + lane as i32) as f32))
-    }
 }
 
 impl Add for Floats {
@@ -131,41 +167,39 @@ impl Div for Floats {
 }
 
 impl Ints {
-    #[cfg(test)]
-    pub(crate) fn from_array(lanes: [i32; LANES]) -> Self {
-        Self(lanes)
+    pub(crate) fn splat(value: i32) -> Self {
+        Self([value; LANES])
     }
 
     pub(crate) fn to_array(self) -> [i32; LANES] {
         self.0
     }
 
-    /// `first` in the first lane, and `step` more in each that follows.
-    pub(crate) fn stepping(first: i32, step: i32) -> Self {
-        Self(std::array::from_fn(|lane| first + lane as i32 * step))
+    /// The same numbers, of magnitude below `2^24`.
+    pub(crate) fn to_floats(self) -> Floats {
+        Floats(self.0.map(|at| at as f32))
     }
 
-    /// A fourth, rounded down.
-    pub(crate) fn quartered(self) -> Self {
-        Self(self.0.map(|at| at >> 2))
+    pub(crate) fn masked(self, mask: i32) -> Self {
+        Self(self.0.map(|at| at & mask))
     }
 
-    /// Times `2^16`.
-    pub(crate) fn in_upper_half(self) -> Self {
-        Self(self.0.map(|at| at << 16))
+    /// Numbers not below zero, divided by a power of two and rounded down.
+    pub(crate) fn shifted_right<const BITS: i32>(self) -> Self {
+        Self(self.0.map(|at| at >> BITS))
     }
 
-    /// Whether any is above 0.
-    pub(crate) fn any_above_0(self) -> bool {
-        self.0.iter().any(|&at| 0 < at)
+    pub(crate) fn shifted_left<const BITS: i32>(self) -> Self {
+        Self(self.0.map(|at| at << BITS))
     }
 
-    pub(crate) fn greater(self, other: Self) -> Self {
-        Self(std::array::from_fn(|lane| self.0[lane].max(other.0[lane])))
+    pub(crate) fn equals(self, other: Self) -> Where {
+        Where(std::array::from_fn(|lane| self.0[lane] == other.0[lane]))
     }
 
-    pub(crate) fn not_below_0(self) -> Self {
-        Self(self.0.map(|at| at.max(0)))
+    /// Numbers from zero to below `2^15`, times a factor.
+    pub(crate) fn times(self, factor: i16) -> Self {
+        Self(self.0.map(|at| at * i32::from(factor)))
     }
 }
 
@@ -178,21 +212,48 @@ impl Add for Ints {
     }
 }
 
-impl Sub for Ints {
-    type Output = Self;
-    fn sub(self, other: Self) -> Self {
-        Self(std::array::from_fn(|lane| {
-            self.0[lane].wrapping_sub(other.0[lane])
-        }))
+impl Tile {
+    /// The whole numbers nearest to these, ties to even, and kept between 0 and 255. None may be NaN, nor anywhere near what
+    /// overflows an integer.
+    pub(crate) fn nearest(rows: [Floats; LANES]) -> Self {
+        let kept = |at: f32| at.clamp(0.0, 255.0);
+        Self(rows.map(|row| row.0.map(|at| nearest(kept(at)) as u8)))
+    }
+
+    /// Whether all are solid.
+    pub(crate) fn is_solid(self) -> bool {
+        self.0.as_flattened().iter().all(|&at| at == u8::MAX)
+    }
+
+    /// Leaves at most this in a tile of a brick, and adds what that removed.
+    pub(crate) fn cut(self, voxels: &mut [u8; BRICK_VOXELS], tile: u8, removed: &mut Removed) {
+        let (fours, _) = voxels.as_chunks_mut::<LANES>();
+        for (row, left) in self.0.iter().enumerate() {
+            for (cell, left) in fours[four_of(tile, row)].iter_mut().zip(left) {
+                removed.0 += u32::from(*cell - (*cell).min(*left));
+                *cell = (*cell).min(*left);
+            }
+        }
     }
 }
 
-/// The lesser byte of each lane, and by how much they are less than the second in sum.
-pub(crate) fn lesser_bytes(left: Bytes, old: Bytes) -> (Bytes, u32) {
-    let (left, old) = (left.to_le_bytes(), old.to_le_bytes());
-    let new = std::array::from_fn(|lane| left[lane].min(old[lane]));
-    let removed = (0..LANES)
-        .map(|lane| u32::from(old[lane] - new[lane]))
-        .sum();
-    (u32::from_le_bytes(new), removed)
+impl Where {
+    pub(crate) fn and(self, other: Self) -> Self {
+        Self(std::array::from_fn(|lane| self.0[lane] & other.0[lane]))
+    }
+
+    /// A bit for each lane, the first lowest.
+    pub(crate) fn bits(self) -> u32 {
+        (0..LANES).map(|lane| u32::from(self.0[lane]) << lane).sum()
+    }
+}
+
+impl Removed {
+    pub(crate) fn nothing() -> Self {
+        Self(0)
+    }
+
+    pub(crate) fn sum(self) -> u32 {
+        self.0
+    }
 }
