@@ -11,8 +11,8 @@ use teleclay_kinematics::{Geometry, Vector3};
 use teleclay_link::conditioner::Impairment;
 use teleclay_link::time::Timestamp;
 use teleclay_operator::{Axes, Intent, Reach, SimulatedHandle};
-use teleclay_proto::Scheme;
 use teleclay_proto::join::LoopParameters;
+use teleclay_proto::{Scheme, ToolDescription};
 
 use crate::row::{Row, quantile};
 
@@ -69,6 +69,7 @@ fn parameters() -> LoopParameters {
     LoopParameters {
         scheme: Scheme::ForceExchange,
         home_m: [0.064, 0.032, 0.064 + BALL_M],
+        tool: ToolDescription::Ball { radius_m: BALL_M },
         ..LoopParameters::default()
     }
 }
@@ -105,7 +106,7 @@ impl Working {
         let parameters = parameters();
         Ok(Self {
             handle: HandleSide::new(&parameters, 1)?,
-            tool: ToolSide::new(&parameters, 1, ToolShape::Ball(Ball::new(BALL_M)?))?,
+            tool: ToolSide::new(&parameters, 1)?,
             device: SimulatedHandle::new(Axes::Two, TICK_S, cutting()?)?,
             clay: block()?,
             material: Material::default(),
@@ -205,8 +206,6 @@ pub(crate) fn virtual_time() -> anyhow::Result<Vec<Row>> {
     let mut rig = Rig::new(Setup {
         parameters: parameters(),
         clay: block()?,
-        material: Material::default(),
-        tool: ToolShape::Ball(Ball::new(BALL_M)?),
         intent: cutting()?,
         lines: Lines {
             up: line,

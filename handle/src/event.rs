@@ -52,6 +52,13 @@ pub enum Event {
         /// The allowed silence, s.
         silence_s: f64,
     },
+    /// Likewise, but the copy of the clay goes on.
+    OnCopy {
+        /// The allowed silence, s.
+        silence_s: f64,
+    },
+    /// The silence lasts: the copy is felt and no longer cut.
+    OnStaleCopy,
     /// The session is paused.
     Paused,
     /// The tool side is in fault.
@@ -92,6 +99,8 @@ impl Event {
         match self {
             Self::Waiting { .. }
             | Self::Silent { .. }
+            | Self::OnCopy { .. }
+            | Self::OnStaleCopy
             | Self::SessionFault
             | Self::NoFreshClay { .. } => Weight::Warning,
             Self::Joined { .. } | Self::Ticking { .. } | Self::Paused | Self::FreshClay { .. } => {
@@ -161,6 +170,13 @@ impl fmt::Display for Event {
                     f,
                     "no frame from the server for {silence_s} s: force released, joining again"
                 )
+            }
+            Self::OnCopy { silence_s } => write!(
+                f,
+                "no frame from the server for {silence_s} s: going on with the copy of the clay"
+            ),
+            Self::OnStaleCopy => {
+                f.write_str("still no frame: the copy of the clay is felt and no longer cut")
             }
             Self::Paused => f.write_str("the session is paused: force released until it goes on"),
             Self::SessionFault => {

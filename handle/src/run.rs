@@ -454,7 +454,11 @@ impl Run {
         }
         let now = Instant::now();
         self.contact = (record.lease, record.contact, now);
-        let was_lost = lease == record.lease && before == Contact::Silent;
+        let was_lost = lease == record.lease
+            && matches!(
+                before,
+                Contact::Silent | Contact::OnCopy | Contact::OnStaleCopy
+            );
         let was_held = lease == record.lease && matches!(before, Contact::Paused | Contact::Fault);
         match record.contact {
             Contact::NotYet => {}
@@ -468,14 +472,19 @@ impl Run {
                     after_s,
                 });
             }
-            Contact::Silent => {
-                self.lost_at = Some(now);
+            Contact::Silent | Contact::OnCopy => {
+                self.lost_at.get_or_insert(now);
                 let silence_s = self
                     .line
                     .as_ref()
                     .map_or(0.0, |line| line.welcome.granted.parameters.silence_s);
-                self.tell(Event::Silent { silence_s });
+                self.tell(if record.contact == Contact::Silent {
+                    Event::Silent { silence_s }
+                } else {
+                    Event::OnCopy { silence_s }
+                });
             }
+            Contact::OnStaleCopy => self.tell(Event::OnStaleCopy),
             Contact::Paused => self.tell(Event::Paused),
             Contact::Fault => self.tell(Event::SessionFault),
         }

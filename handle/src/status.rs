@@ -43,6 +43,10 @@ pub enum State {
     Live,
     /// No frame for longer than the allowed silence.
     Silent,
+    /// Likewise, but the copy of the clay goes on.
+    OnCopy,
+    /// The silence lasts: the copy is felt and no longer cut.
+    OnStaleCopy,
     /// The session is paused.
     Paused,
     /// This side or the tool side is in fault.
@@ -59,6 +63,8 @@ impl State {
             Self::Waiting => "waiting",
             Self::Live => "live",
             Self::Silent => "silent",
+            Self::OnCopy => "on copy",
+            Self::OnStaleCopy => "on stale copy",
             Self::Paused => "paused",
             Self::Fault => "fault",
             Self::Leaving => "leaving",
@@ -206,6 +212,8 @@ impl Tally {
             (Mode::Coupled, Contact::Live) => State::Live,
             (Mode::Coupled, Contact::NotYet) => State::Waiting,
             (Mode::Coupled, Contact::Silent) => State::Silent,
+            (Mode::Coupled, Contact::OnCopy) => State::OnCopy,
+            (Mode::Coupled, Contact::OnStaleCopy) => State::OnStaleCopy,
             (Mode::Coupled, Contact::Paused) => State::Paused,
             (Mode::Coupled, Contact::Fault) => State::Fault,
             (Mode::Braking | Mode::Resting, _) => State::Joining,

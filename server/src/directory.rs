@@ -7,9 +7,9 @@ use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use rtrb::Producer;
-use teleclay_bilateral::{ParameterError, SessionLoop, ToolSide};
+use teleclay_bilateral::{FreshBlock, ParameterError, SessionLoop, ToolSide, workplace};
 use teleclay_clay::Clay;
-use teleclay_link::scheme;
+use teleclay_link::scheme::replica::Turn;
 use teleclay_proto::http::{
     ClayReset, ClaySpec, FieldError, NewSession, Readiness, Session, SessionPatch, Validate,
 };
@@ -170,7 +170,6 @@ impl Directory {
     /// The name is taken, there are too many, a field cannot be, or the loop does not answer.
     pub async fn create(&self, new: NewSession) -> Result<Session, CreateError> {
         new.validate().map_err(CreateError::Field)?;
-        check_available(new.scheme).map_err(CreateError::Field)?;
         let spec = new.clone();
         let built = tokio::task::spawn_blocking(move || build_clay(&spec.clay, &spec));
         let (clay, mirror) = built
@@ -388,20 +387,34 @@ impl Live {
         patch.validate().map_err(ChangeError::Field)?;
         let session = self.shared.number;
         if let Some(scheme) = patch.scheme {
-            check_available(scheme).map_err(ChangeError::Field)?;
-            self.order(Order::SetScheme { session, scheme }).await?;
-            let mut settings = self.shared.settings();
-            settings.spec.scheme = scheme;
-            settings.parameters.scheme = scheme;
-            settings.parameters.revision = settings.parameters.revision.wrapping_add(1);
+            let revision = {
+                let mut settings = self.shared.settings();
+                settings.spec.scheme = scheme;
+                settings.parameters.scheme = scheme;
+                settings.next_revision()
+            };
+            self.order(Order::SetScheme {
+                session,
+                scheme,
+                revision,
+            })
+            .await?;
         }
         if let Some(change) = patch.material {
             let wanted = change.apply(self.shared.settings().spec.material);
             let material = convert::material(&wanted).map_err(ChangeError::Field)?;
-            self.order(Order::SetMaterial { session, material }).await?;
-            let mut settings = self.shared.settings();
-            settings.spec.material = wanted;
-            settings.parameters.material = wanted;
+            let revision = {
+                let mut settings = self.shared.settings();
+                settings.spec.material = wanted;
+                settings.parameters.material = wanted;
+                settings.next_revision()
+            };
+            self.order(Order::SetMaterial {
+                session,
+                material,
+                revision,
+            })
+            .await?;
         }
         if let Some(change) = patch.network {
             let wanted = change.apply(self.shared.settings().spec.network);
@@ -447,8 +460,10 @@ impl Live {
         let (clay, mirror) = built
             .map_err(|_| ChangeError::Gone)?
             .map_err(ChangeError::Field)?;
-        let material = convert::material(&spec.material).map_err(ChangeError::Field)?;
         let session = self.shared.number;
+        let moved = parameters(&spec);
+        let workplace = workplace(&moved)
+            .map_err(|error| ChangeError::Field(FieldError::new("/shape", error.to_string())))?;
         let clay_epoch = {
             let mut held = self.shared.mirror.lock().expect("no holder panics");
             let epoch = held.epoch.wrapping_add(1);
@@ -458,55 +473,29 @@ impl Live {
             };
             epoch
         };
-        self.order(Order::SetMaterial { session, material }).await?;
+        let (revision, places) = {
+            let mut settings = self.shared.settings();
+            let revision = settings.next_revision();
+            settings.parameters = LoopParameters { revision, ..moved };
+            settings.spec = spec;
+            (revision, settings.places.len())
+        };
         self.order(Order::ReplaceClay {
             session,
-            clay: Box::new(clay),
-            clay_epoch,
+            fresh: Box::new(FreshBlock {
+                clay,
+                workplace,
+                turn: Turn {
+                    since_revision: revision,
+                    epoch: clay_epoch,
+                },
+                before: Vec::with_capacity(places),
+            }),
         })
         .await?;
-        self.move_home(&spec).await?;
-        {
-            let mut settings = self.shared.settings();
-            let revision = settings.parameters.revision.wrapping_add(1);
-            settings.parameters = LoopParameters {
-                revision,
-                ..parameters(&spec)
-            };
-            settings.spec = spec;
-        }
         self.shared.tell(Level::Info, "a fresh block".to_owned());
         self.record_of_epoch(clay_epoch).await;
         Ok(self.state())
-    }
-
-    /// A block of another shape puts the home elsewhere: who holds a tool gets one that knows.
-    async fn move_home(&self, spec: &NewSession) -> Result<(), ChangeError> {
-        let moved = parameters(spec);
-        let held = {
-            let settings = self.shared.settings();
-            let is_same =
-                settings.parameters.home_m.map(f64::to_bits) == moved.home_m.map(f64::to_bits);
-            if is_same {
-                Vec::new()
-            } else {
-                settings.places.clone()
-            }
-        };
-        let shape = convert::tool(&moved.tool).map_err(ChangeError::Field)?;
-        for (place, lease) in held.iter().enumerate() {
-            let Some(lease) = lease else { continue };
-            let side = ToolSide::new(&moved, lease.lease, shape).map_err(|error| {
-                ChangeError::Field(FieldError::new("/shape", error.to_string()))
-            })?;
-            self.order(Order::Seat {
-                session: self.shared.number,
-                place,
-                side: Box::new(side),
-            })
-            .await?;
-        }
-        Ok(())
     }
 
     /// The session's name.
@@ -624,9 +613,7 @@ impl Live {
             (place, settings.parameters, settings.spec.clay.clone())
         };
         let unavailable = |reason: String| (RefusalCode::ShuttingDown, reason);
-        let shape =
-            convert::tool(&loop_parameters.tool).map_err(|error| unavailable(error.detail))?;
-        let side = ToolSide::new(&loop_parameters, lease, shape)
+        let side = ToolSide::new(&loop_parameters, lease)
             .map_err(|error: ParameterError| unavailable(error.to_string()))?;
         let seat = Order::Seat {
             session: self.shared.number,
@@ -715,10 +702,6 @@ impl ClayView {
         let mirror = self.shared.mirror.lock().expect("no holder panics");
         look(&mirror.clay, mirror.epoch)
     }
-}
-
-fn check_available(scheme: teleclay_proto::Scheme) -> Result<(), FieldError> {
-    scheme::availability(scheme).map_err(|error| FieldError::new("/scheme", error.to_string()))
 }
 
 /// The block, its memory committed, and a copy for the watchers.

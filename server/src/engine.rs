@@ -10,8 +10,8 @@ use std::thread::Thread;
 use std::time::Duration;
 
 use rtrb::{Consumer, Producer, RingBuffer};
-use teleclay_bilateral::{Lines, SessionLoop, ToolSide, ToolView};
-use teleclay_clay::{BrickView, Clay, Material};
+use teleclay_bilateral::{FreshBlock, Lines, SessionLoop, ToolSide, ToolView};
+use teleclay_clay::{BrickView, Material};
 use teleclay_link::arrivals::ArrivalCounts;
 use teleclay_link::time::Timestamp;
 use teleclay_proto::Scheme;
@@ -118,7 +118,6 @@ pub(crate) enum BrickContent {
 pub(crate) struct Running {
     pub(crate) number: u32,
     pub(crate) session: SessionLoop,
-    pub(crate) clay_epoch: u32,
     pub(crate) frames_sent: u64,
     pub(crate) frames: Consumer<Incoming>,
     pub(crate) bricks: Producer<BrickUpdate>,
@@ -137,7 +136,6 @@ impl Running {
         let running = Self {
             number,
             session,
-            clay_epoch: 1,
             frames_sent: 0,
             frames: frames_out,
             bricks: bricks_in,
@@ -174,12 +172,12 @@ pub(crate) enum Order {
     },
     ReplaceClay {
         session: u32,
-        clay: Box<Clay>,
-        clay_epoch: u32,
+        fresh: Box<FreshBlock>,
     },
     SetMaterial {
         session: u32,
         material: Material,
+        revision: u16,
     },
     SetLines {
         session: u32,
@@ -188,6 +186,7 @@ pub(crate) enum Order {
     SetScheme {
         session: u32,
         scheme: Scheme,
+        revision: u16,
     },
     Pause {
         session: u32,
@@ -201,7 +200,7 @@ pub(crate) enum Order {
 pub(crate) enum Discarded {
     Session { _session: Box<Running> },
     Side { _side: Box<ToolSide> },
-    Clay { _clay: Box<Clay> },
+    Block { _block: Box<FreshBlock> },
 }
 
 /// Everything that the tick and the rest of the server share without locks.
@@ -396,27 +395,32 @@ impl Engine {
                     .vacate(place)
                     .map(|side| Discarded::Side { _side: side })
             }
-            Order::ReplaceClay {
-                session,
-                mut clay,
-                clay_epoch,
-            } => {
+            Order::ReplaceClay { session, mut fresh } => {
                 if let Some(running) = self.find(session) {
-                    running.session.swap_clay(&mut clay);
-                    running.clay_epoch = clay_epoch;
+                    running.session.swap_clay(&mut fresh);
                 }
-                Some(Discarded::Clay { _clay: clay })
+                Some(Discarded::Block { _block: fresh })
             }
-            Order::SetMaterial { session, material } => {
-                self.find(session)?.session.soften_or_harden(material);
+            Order::SetMaterial {
+                session,
+                material,
+                revision,
+            } => {
+                let session = &mut self.find(session)?.session;
+                session.soften_or_harden(material, revision);
                 None
             }
             Order::SetLines { session, lines } => {
                 self.find(session)?.session.impair(&lines);
                 None
             }
-            Order::SetScheme { session, scheme } => {
-                self.find(session)?.session.change_scheme(scheme);
+            Order::SetScheme {
+                session,
+                scheme,
+                revision,
+            } => {
+                let session = &mut self.find(session)?.session;
+                session.change_scheme(scheme, revision);
                 None
             }
             Order::Pause { session } => {
@@ -443,7 +447,7 @@ fn record(running: &Running, now: Timestamp) -> SessionRecord {
     let mut record = SessionRecord {
         session: running.number,
         ticks: session.ticks(),
-        clay_epoch: running.clay_epoch,
+        clay_epoch: running.session.turn().epoch,
         initial_units: session.clay().initial_units(),
         remaining_units: session.clay().remaining_units(),
         frames_sent: running.frames_sent,
@@ -467,7 +471,7 @@ fn record(running: &Running, now: Timestamp) -> SessionRecord {
 
 fn hand_over_bricks(running: &mut Running) {
     let most = running.bricks.slots().min(BRICKS_AT_ONCE);
-    let (bricks, clay_epoch) = (&mut running.bricks, running.clay_epoch);
+    let (bricks, clay_epoch) = (&mut running.bricks, running.session.turn().epoch);
     running
         .session
         .clay_mut()

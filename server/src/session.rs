@@ -69,6 +69,14 @@ pub(crate) struct Settings {
     pub(crate) places: Vec<Option<Lease>>,
 }
 
+impl Settings {
+    /// The parameters are about to change: their next revision.
+    pub(crate) fn next_revision(&mut self) -> u16 {
+        self.parameters.revision = self.parameters.revision.wrapping_add(1);
+        self.parameters.revision
+    }
+}
+
 /// A session, shared by the API, Zenoh and the collector.
 pub(crate) struct SessionShared {
     pub(crate) id: SessionId,

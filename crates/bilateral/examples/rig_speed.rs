@@ -4,11 +4,11 @@ use std::time::{Duration, Instant};
 
 use teleclay_bilateral::Lines;
 use teleclay_bilateral::rig::{Rig, Setup};
-use teleclay_clay::{Ball, Clay, Material, Shape, ToolShape};
+use teleclay_clay::{Clay, Shape};
 use teleclay_link::conditioner::Impairment;
 use teleclay_operator::{Intent, Reach};
-use teleclay_proto::Scheme;
 use teleclay_proto::join::LoopParameters;
+use teleclay_proto::{Scheme, ToolDescription};
 
 fn main() {
     const RADIUS_M: f64 = 0.0064;
@@ -20,6 +20,7 @@ fn main() {
         parameters: LoopParameters {
             scheme: Scheme::ForceExchange,
             home_m: [0.064, 0.032, 0.064 + RADIUS_M],
+            tool: ToolDescription::Ball { radius_m: RADIUS_M },
             ..LoopParameters::default()
         },
         clay: Clay::new(
@@ -29,8 +30,6 @@ fn main() {
             5e-4,
         )
         .expect("a block"),
-        material: Material::default(),
-        tool: ToolShape::Ball(Ball::new(RADIUS_M).expect("a ball")),
         intent: Intent::cutting(Reach {
             x_m: 0.045,
             y_m: 0.018,

@@ -7,17 +7,25 @@
 //! `v_h = C_h1 (f_h + reaction)`: for force exchange that is [KHMH03] (21) with (30). The command starts at the place where the device stands when
 //! the loop takes over, so taking over moves nothing.
 
+use std::sync::Arc;
+
+use teleclay_clay::Clay;
 use teleclay_control::State;
 use teleclay_link::Vec3;
 use teleclay_link::arrivals::{Arrival, ArrivalCounts, Arrivals};
+use teleclay_link::deadband::{Deadband, DeadbandError, DeadbandSettings};
+use teleclay_link::replica::Workplace;
 use teleclay_link::round_trip::RoundTrip;
 use teleclay_link::safety::{ForceLimiter, NotFinite, Watchdog, check};
+use teleclay_link::scheme::replica::{Picture, ReplicaHandle, WantedPicture};
 use teleclay_link::scheme::{HandleEnd, HandlePort, handle_end};
 use teleclay_link::time::Timestamp;
 use teleclay_operator::DeviceSample;
-use teleclay_proto::Scheme;
-use teleclay_proto::frame::{Engagement, HandleFrame, Header, LoopStatus, ToolFrame};
+use teleclay_proto::frame::{
+    CopyState, Engagement, HandleFrame, Header, LoopStatus, Sweeps, ToolFrame,
+};
 use teleclay_proto::join::LoopParameters;
+use teleclay_proto::{Scheme, is_after};
 
 use crate::parameters::{LoopModel, ParameterError};
 
@@ -33,10 +41,28 @@ pub enum Contact {
     NotYet,
     /// No frame for longer than the allowed silence.
     Silent,
+    /// Likewise, but there is a copy of the clay to be felt, and for a while to be cut.
+    OnCopy,
+    /// The silence lasts: the copy is felt and no longer cut.
+    OnStaleCopy,
     /// The session is paused.
     Paused,
     /// The tool side is in fault, or this side is (see [`HandleSide::fault`]).
     Fault,
+}
+
+/// What a handle side is done with. Large, so not to be dropped on a tick.
+pub enum Retired {
+    /// An end of a scheme.
+    End {
+        /// It.
+        _end: Box<dyn HandleEnd>,
+    },
+    /// A copy of the clay.
+    Clay {
+        /// It.
+        _clay: Box<Clay>,
+    },
 }
 
 /// What one step gives the device.
@@ -55,13 +81,22 @@ pub struct HandleSide {
     model: LoopModel,
     end: Box<dyn HandleEnd>,
     scheme: Scheme,
+    /// Frames before this one belong to an earlier scheme.
+    scheme_since: u32,
     admittance: [State; 3],
     origin: Option<Vec3>,
+    /// Where the handle was at the last step.
+    position: Option<Vec3>,
     watchdog: Watchdog,
+    /// Of what the scheme makes: the watchdog's, or full where the scheme needs no frames.
+    remote_gain: f64,
+    needed_frames: bool,
     status_gain: f64,
     /// Ramps up once, from the first step: taking over a handle that is being pushed moves it gently.
     start_gain: f64,
-    blend: Vec3,
+    /// What was felt when the scheme changed, and how much of it is left, 0 to 1.
+    fading: Vec3,
+    fading_share: f64,
     blend_starts: bool,
     last_reaction: Vec3,
     limiter: ForceLimiter,
@@ -70,6 +105,12 @@ pub struct HandleSide {
     status: LoopStatus,
     fault: Option<NotFinite>,
     frame: HandleFrame,
+    deadband: Option<Deadband>,
+    /// Engagement and scheme as last sent.
+    announced: Option<(Engagement, Scheme)>,
+    is_due: bool,
+    /// An end that is done, to be dropped where that costs no tick.
+    retired: Option<Box<dyn HandleEnd>>,
 }
 
 impl HandleSide {
@@ -86,14 +127,19 @@ impl HandleSide {
             ..Header::default()
         };
         Ok(Self {
-            end: handle_end(parameters.scheme, &model.coupling)?,
+            end: handle_end(parameters.scheme, &model.ground),
             scheme: parameters.scheme,
+            scheme_since: 0,
             admittance: [State::default(); 3],
             origin: None,
+            position: None,
             watchdog: Watchdog::new(model.watchdog),
+            remote_gain: 0.0,
+            needed_frames: true,
             status_gain: 0.0,
             start_gain: 0.0,
-            blend: Vec3::zeros(),
+            fading: Vec3::zeros(),
+            fading_share: 0.0,
             blend_starts: false,
             last_reaction: Vec3::zeros(),
             limiter: ForceLimiter::new(model.limits),
@@ -106,18 +152,31 @@ impl HandleSide {
                 engagement: Engagement::Engaged,
                 ..HandleFrame::default()
             },
+            deadband: None,
+            announced: None,
+            is_due: false,
+            retired: None,
             model,
         })
     }
 
-    /// A frame came from the tool side. Frames under another lease are not ours; older ones are only counted.
+    /// From now on leaves out frames that the other side would not miss; see [`teleclay_link::deadband`].
+    ///
+    /// # Errors
+    /// The settings are none for this loop; nothing changes.
+    pub fn code_perceptually(&mut self, settings: DeadbandSettings) -> Result<(), DeadbandError> {
+        self.deadband = Some(Deadband::new(settings, self.model.watchdog.silence)?);
+        Ok(())
+    }
+
+    /// A frame came from the tool side. Frames under another lease are not ours; older ones are counted, and shown to a scheme that
+    /// plays its samples in order.
     pub fn on_frame(&mut self, now: Timestamp, frame: &ToolFrame) {
         let header = &frame.header;
-        if header.lease != self.frame.header.lease
-            || self.arrivals.on_sequence(header.sequence) != Arrival::Newest
-        {
+        if header.lease != self.frame.header.lease {
             return;
         }
+        let arrival = self.arrivals.on_sequence(header.sequence);
         let outside = [
             ("position_m", &frame.position_m[..]),
             ("velocity_m_s", &frame.velocity_m_s),
@@ -130,6 +189,14 @@ impl HandleSide {
             self.fault = Some(fault);
             return;
         }
+        if arrival != Arrival::Newest {
+            let is_of_this_scheme =
+                header.scheme == self.scheme && !is_after(self.scheme_since, header.sequence);
+            if is_of_this_scheme {
+                self.end.on_straggler(now, frame);
+            }
+            return;
+        }
         self.round_trip
             .on_frame(now, header.sent_ns, header.echo_ns, header.echo_hold_ns);
         self.watchdog.on_frame(now);
@@ -137,7 +204,7 @@ impl HandleSide {
         self.frame.header.clay_epoch = header.clay_epoch;
         self.frame.header.revision = header.revision;
         if header.scheme != self.scheme {
-            self.change_scheme(header.scheme);
+            self.change_scheme(header.scheme, header.sequence);
         }
         self.end.on_frame(now, frame);
     }
@@ -154,12 +221,17 @@ impl HandleSide {
             return self.hold();
         }
         // Both sides work with the ramped force, so that they stay together from the first tick.
+        let position = Vec3::from(sample.position_m);
+        let before = self.position.replace(position).unwrap_or(position);
         let port = HandlePort {
-            position: Vec3::from(sample.position_m),
+            position,
             velocity: Vec3::from(sample.velocity_m_s),
             hand_force: Vec3::from(sample.hand_force_n) * self.start_gain,
+            displacement: self.model.reflected(position - before),
+            felt_force: self.limiter.last(),
         };
-        self.start_gain = (self.start_gain + self.model.tick_s() / self.model.ramp_s).min(1.0);
+        self.start_gain =
+            (self.start_gain + self.model.tick_s() / self.model.workplace().ramp_s).min(1.0);
         let felt = self.felt_force(now, &port);
         let command = self.command(&port, felt);
         self.fill_frame(now, &port, felt);
@@ -170,9 +242,52 @@ impl HandleSide {
         }
     }
 
-    /// The frame of the last step, to be sent now.
+    /// The frame of the last step, whether it goes out or not.
     pub fn frame(&self) -> &HandleFrame {
         &self.frame
+    }
+
+    /// The frame to be sent now, if the last step made one that the other side would miss. Without perceptual coding every step does.
+    pub fn frame_to_send(&self) -> Option<&HandleFrame> {
+        self.is_due.then_some(&self.frame)
+    }
+
+    /// The picture of the server's clay that is wanted here, if one is; a new number is a new wish.
+    pub fn wanted_picture(&self) -> Option<WantedPicture> {
+        self.end.replica()?.wanted_picture()
+    }
+
+    /// A picture of the server's clay. One that no scheme here has a use for waits to be dropped, see [`HandleSide::take_retired`].
+    pub fn on_picture(&mut self, picture: Picture) -> Option<Picture> {
+        match self.end.replica_mut() {
+            Some(replica) => {
+                replica.on_picture(picture);
+                None
+            }
+            None => Some(picture),
+        }
+    }
+
+    /// Another tool, another place, or other clay, from now on. Gives back what was, to be dropped elsewhere.
+    pub fn move_to(&mut self, workplace: Arc<Workplace>) -> Arc<Workplace> {
+        if let Some(replica) = self.end.replica_mut() {
+            replica.move_to(&workplace);
+        }
+        std::mem::replace(&mut self.model.ground.workplace, workplace)
+    }
+
+    /// What is done with here, to be dropped where that costs no tick.
+    pub fn take_retired(&mut self) -> Option<Retired> {
+        if let Some(end) = self.retired.take() {
+            return Some(Retired::End { _end: end });
+        }
+        let clay = self.end.replica_mut()?.take_retired()?;
+        Some(Retired::Clay { _clay: clay })
+    }
+
+    /// The scheme's end here, where it keeps a copy of the clay.
+    pub fn replica(&self) -> Option<&ReplicaHandle> {
+        self.end.replica()
     }
 
     /// Says goodbye in every further frame.
@@ -209,7 +324,11 @@ impl HandleSide {
             return Contact::NotYet;
         }
         if self.watchdog.is_silent(now) {
-            return Contact::Silent;
+            return match self.end.replica().map(ReplicaHandle::state) {
+                None | Some(CopyState::None) => Contact::Silent,
+                Some(CopyState::Stale) => Contact::OnStaleCopy,
+                Some(CopyState::Live | CopyState::Diverged) => Contact::OnCopy,
+            };
         }
         if self.status == LoopStatus::Paused {
             Contact::Paused
@@ -220,8 +339,18 @@ impl HandleSide {
 
     fn felt_force(&mut self, now: Timestamp, port: &HandlePort) -> Vec3 {
         let tick_s = self.model.tick_s();
-        let remote_gain = self.watchdog.step(now, tick_s);
-        let change = tick_s / self.model.ramp_s;
+        let change = tick_s / self.model.workplace().ramp_s;
+        let watchdog_gain = self.watchdog.step(now, tick_s);
+        let needs_frames = self.end.needs_frames();
+        if needs_frames != std::mem::replace(&mut self.needed_frames, needs_frames) {
+            // A copy came or went: what the end gives from now on is of another kind.
+            self.blend_starts = true;
+        }
+        self.remote_gain = if needs_frames {
+            watchdog_gain.max(self.remote_gain - change)
+        } else {
+            (self.remote_gain + change).min(1.0)
+        };
         let works =
             matches!(self.status, LoopStatus::Running | LoopStatus::Idle) && self.fault.is_none();
         self.status_gain =
@@ -229,12 +358,13 @@ impl HandleSide {
 
         let fresh = self.end.reaction(now, port);
         if std::mem::take(&mut self.blend_starts) {
-            self.blend = self.last_reaction - fresh;
+            self.fading = self.last_reaction;
+            self.fading_share = 1.0;
         }
-        let reaction = fresh + self.blend;
-        self.blend -= self.blend * (tick_s / BLEND_S);
+        let reaction = fresh + (self.fading - fresh) * self.fading_share;
+        self.fading_share -= self.fading_share * (tick_s / BLEND_S);
         self.last_reaction = reaction;
-        let mut wanted = reaction * (remote_gain * self.status_gain);
+        let mut wanted = reaction * (self.remote_gain * self.status_gain);
         if self.fault.is_some() {
             wanted = Vec3::zeros();
         }
@@ -250,7 +380,7 @@ impl HandleSide {
         let mut command = port.position;
         for axis in 0..self.model.axes {
             let [least, greatest] = self.model.handle_travel(axis);
-            let system = &self.model.coupling.admittance;
+            let system = &self.model.coupling().admittance;
             let next = origin[axis] + system.output(&self.admittance[axis], net[axis]);
             // At the end of the travel nothing pushes further out: the admittance coasts to a stop against its own damping.
             let pushes_out =
@@ -265,7 +395,6 @@ impl HandleSide {
     fn fill_frame(&mut self, now: Timestamp, port: &HandlePort, felt: Vec3) {
         let (echo_ns, echo_hold_ns) = self.round_trip.echo(now);
         let header = &mut self.frame.header;
-        header.sequence = header.sequence.wrapping_add(1);
         header.sent_ns = now.as_nanos();
         header.echo_ns = echo_ns;
         header.echo_hold_ns = echo_hold_ns;
@@ -275,15 +404,43 @@ impl HandleSide {
         self.frame.hand_force_n = port.hand_force.into();
         self.frame.felt_force_n = felt.into();
         self.end.fill(&mut self.frame);
+        self.number_frame(now);
     }
 
-    fn change_scheme(&mut self, scheme: Scheme) {
-        // A scheme this side does not have: stay with the old one; the tool side sees which from the header and says so.
-        let Ok(end) = handle_end(scheme, &self.model.coupling) else {
-            return;
+    /// Decides whether the frame goes out. Numbers count the frames that do.
+    fn number_frame(&mut self, now: Timestamp) {
+        let announcement = (self.frame.engagement, self.scheme);
+        self.is_due = match &mut self.deadband {
+            Some(deadband) => {
+                if self.announced != Some(announcement) {
+                    deadband.insist();
+                }
+                if self.end.has_urgent_news() {
+                    deadband.insist();
+                }
+                deadband.should_send(now, self.end.signal(&self.frame))
+            }
+            None => true,
         };
-        self.end = end;
+        if self.is_due {
+            self.end.on_sent(&self.frame);
+            self.announced = Some(announcement);
+            self.frame.header.sequence = self.frame.header.sequence.wrapping_add(1);
+        }
+    }
+
+    fn change_scheme(&mut self, scheme: Scheme, since: u32) {
+        let end = handle_end(scheme, &self.model.ground);
+        self.retired = Some(std::mem::replace(&mut self.end, end));
         self.scheme = scheme;
+        self.scheme_since = since;
+        self.frame.wave = [0.0; 3];
+        self.frame.wave_integral = [0.0; 3];
+        self.frame.energy_in_j = [0.0; 3];
+        self.frame.copy = CopyState::None;
+        self.frame.clay_hash = 0;
+        self.frame.relayed_acknowledged = 0;
+        self.frame.sweeps = Sweeps::default();
         // What was felt fades into what the new end gives, instead of stepping there.
         self.blend_starts = true;
     }
@@ -291,8 +448,8 @@ impl HandleSide {
     /// A step without a usable sample: the command stays, the force goes.
     fn hold(&mut self) -> HandleStep {
         let felt = self.limiter.step(Vec3::zeros(), self.model.tick_s());
-        let header = &mut self.frame.header;
-        header.sequence = header.sequence.wrapping_add(1);
+        self.frame.header.sequence = self.frame.header.sequence.wrapping_add(1);
+        self.is_due = true;
         HandleStep {
             command_m: self.frame.position_m,
             felt_force_n: felt.into(),

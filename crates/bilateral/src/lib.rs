@@ -19,7 +19,7 @@ mod session;
 mod tool_side;
 pub mod wall;
 
-pub use handle_side::{Contact, HandleSide, HandleStep};
-pub use parameters::{LoopModel, ParameterError};
-pub use session::{Lines, SessionLoop};
-pub use tool_side::{Permission, RECOVERY_SPEED_M_S, ToolSide, ToolStep, ToolView};
+pub use handle_side::{Contact, HandleSide, HandleStep, Retired};
+pub use parameters::{LoopModel, ParameterError, material, tool_shape, workplace};
+pub use session::{FreshBlock, Lines, SessionLoop};
+pub use tool_side::{Permission, ToolSide, ToolStep, ToolView};

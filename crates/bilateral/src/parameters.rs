@@ -1,16 +1,22 @@
 //! From the parameters of a session to what both sides step with: sampled plants, limits, bounds. Parsed once.
 
+use std::sync::Arc;
 use std::time::Duration;
 
+use teleclay_clay::{
+    Ball, Blade, BladeDimensions, Coefficients, Material, MaterialError, Tool, ToolError, ToolShape,
+};
 use teleclay_control::{
     DiscreteStateSpace, DiscretiseError, FollowerError, Inverse, RationalError, RationalFunction,
     StateSpace, StateSpaceError, paper,
 };
 use teleclay_link::Vec3;
+use teleclay_link::replica::Workplace;
 use teleclay_link::safety::{ForceLimits, WatchdogTimes};
-use teleclay_link::scheme::{Coupling, SchemeUnavailable};
-use teleclay_proto::Axes;
+use teleclay_link::scheme::{Coupling, Ground};
+use teleclay_link::travel::TravelLimits;
 use teleclay_proto::join::LoopParameters;
+use teleclay_proto::{Axes, ToolDescription};
 
 /// Why a loop cannot be built from its parameters.
 #[derive(Debug, thiserror::Error)]
@@ -42,25 +48,76 @@ pub enum ParameterError {
     /// The tool's plant cannot be followed.
     #[error("the tool cannot follow: {0}")]
     Follower(#[from] FollowerError),
-    /// The scheme is not available.
+    /// There is no such tool.
     #[error(transparent)]
-    Scheme(#[from] SchemeUnavailable),
+    Tool(#[from] ToolError),
+    /// There is no such clay.
+    #[error(transparent)]
+    Material(#[from] MaterialError),
+}
+
+/// The shape that a description describes.
+///
+/// # Errors
+/// A dimension is not finite, not above zero, or too large.
+pub fn tool_shape(description: &ToolDescription) -> Result<ToolShape, ToolError> {
+    Ok(match *description {
+        ToolDescription::Ball { radius_m } => ToolShape::Ball(Ball::new(radius_m)?),
+        ToolDescription::Blade {
+            width_m,
+            height_m,
+            thickness_m,
+        } => ToolShape::Blade(Blade::new(BladeDimensions {
+            width_m,
+            height_m,
+            thickness_m,
+        })?),
+    })
+}
+
+/// The clay that a description describes.
+///
+/// # Errors
+/// A coefficient is not finite, below zero, or too large.
+pub fn material(description: &teleclay_proto::Material) -> Result<Material, MaterialError> {
+    Material::new(Coefficients {
+        viscosity_pa_s_per_m: description.viscosity_pa_s_per_m,
+        yield_stress_pa: description.yield_stress_pa,
+        stiffness_pa: description.stiffness_pa,
+    })
+}
+
+/// Where, with what and in what a tool works. Shared, so that it can be exchanged on a tick without being copied or dropped there.
+///
+/// # Errors
+/// The tool or the clay cannot be.
+pub fn workplace(parameters: &LoopParameters) -> Result<Arc<Workplace>, ParameterError> {
+    let home = Vec3::from(parameters.home_m);
+    Ok(Arc::new(Workplace {
+        home,
+        travel: TravelLimits {
+            tick_s: parameters.tick_s,
+            reach: parameters.reach_m.map(|bound| Vec3::from(bound) - home),
+            speed_m_s: parameters.speed_limit_m_s,
+        },
+        is_lifted: parameters.axes == Axes::Two,
+        tool: Tool::new(tool_shape(&parameters.tool)?),
+        material: material(&parameters.material)?,
+        force_limit_n: parameters.force_limit_n,
+        ramp_s: parameters.ramp_s,
+    }))
 }
 
 /// Everything that the two sides compute with, from one [`LoopParameters`].
 #[derive(Clone, Debug)]
 pub struct LoopModel {
     /// What the schemes see.
-    pub(crate) coupling: Coupling,
+    pub(crate) ground: Ground,
     /// The tool's plant `G_t` by zero-order hold, and its inverse.
     pub(crate) tool_inverse: Inverse,
     pub(crate) watchdog: WatchdogTimes,
     pub(crate) limits: ForceLimits,
-    pub(crate) home: Vec3,
-    pub(crate) reach: [Vec3; 2],
-    pub(crate) speed_limit_m_s: f64,
     pub(crate) axes: usize,
-    pub(crate) ramp_s: f64,
 }
 
 impl LoopModel {
@@ -89,9 +146,14 @@ impl LoopModel {
                 system.tustin(tick_s)
             })?,
             servo: [servo_x.clone(), servo_y, servo_x],
+            tool_mass_kg: parameters.tool_mass_kg,
+            wave_impedance_n_s_per_m: parameters.wave_impedance_n_s_per_m,
         };
         Ok(Self {
-            coupling,
+            ground: Ground {
+                coupling,
+                workplace: workplace(parameters)?,
+            },
             tool_inverse: Inverse::new(&zoh("G_t", &named("G_t", g_t)?, tick_s)?)?,
             watchdog: WatchdogTimes {
                 silence: Duration::from_secs_f64(parameters.silence_s),
@@ -101,26 +163,35 @@ impl LoopModel {
                 force_n: parameters.force_limit_n,
                 slew_n_per_s: parameters.slew_limit_n_per_s,
             },
-            home: Vec3::from(parameters.home_m),
-            reach: parameters.reach_m.map(Vec3::from),
-            speed_limit_m_s: parameters.speed_limit_m_s,
             axes: match parameters.axes {
                 Axes::Two => 2,
                 Axes::Three => 3,
             },
-            ramp_s: parameters.ramp_s,
         })
     }
 
     /// Tick, s.
     pub fn tick_s(&self) -> f64 {
-        self.coupling.tick_s
+        self.ground.coupling.tick_s
+    }
+
+    pub(crate) fn coupling(&self) -> &Coupling {
+        &self.ground.coupling
+    }
+
+    pub(crate) fn workplace(&self) -> &Workplace {
+        &self.ground.workplace
+    }
+
+    /// The part of `v` on the axes that reflect force.
+    pub(crate) fn reflected(&self, v: Vec3) -> Vec3 {
+        Vec3::from_fn(|axis, _| if axis < self.axes { v[axis] } else { 0.0 })
     }
 
     /// The handle's travel on `axis`, m, as displacement from home: what maps into the tool's reach.
     pub(crate) fn handle_travel(&self, axis: usize) -> [f64; 2] {
-        self.reach
-            .map(|bound| (bound[axis] - self.home[axis]) / self.coupling.position_ratio)
+        let [least, greatest] = self.workplace().travel.reach;
+        [least, greatest].map(|bound| bound[axis] / self.coupling().position_ratio)
     }
 }
 

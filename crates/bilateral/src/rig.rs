@@ -1,41 +1,53 @@
-//! The virtual-time rig: operator, handle side and session in one thread, as fast as the machine goes. Same seed, same bits.
+//! The virtual-time rig: operators, handle sides and session in one thread, as fast as the machine goes. Same seed, same bits.
 //!
-//! Order within a tick: the device is sampled, the handle side takes in what the line delivered and steps, the device gets its
-//! command; then the session takes in what the line delivered and steps. So without delay the tool side knows the hand's force of the same tick, and the
+//! Order within a tick, for each operator in turn: the device is sampled, the handle side takes in what the line delivered and steps, the device gets
+//! its command; then the session takes in what the lines delivered and steps. So without delay the tool side knows the hand's force of the same tick, and the
 //! handle side the clay's force at the present pose: both drive their admittance with the same net force.
+//!
+//! Pictures of the clay travel beside the lines, as on a stream that repeats what is lost: asked for at a delay up, taken from the clay then, there after a
+//! delay down.
 
+use std::sync::Arc;
 use std::time::Duration;
 
-use teleclay_clay::{Clay, Material, ToolShape};
+use teleclay_clay::Clay;
+use teleclay_link::Vec3;
+use teleclay_link::deadband::{DeadbandError, DeadbandSettings};
+use teleclay_link::energy::Observer;
+use teleclay_link::replica::Workplace;
+use teleclay_link::scheme::replica::{Picture, ReplicaHandle, Turn};
 use teleclay_link::time::Timestamp;
-use teleclay_operator::{Axes, Intent, SimulatedHandle, SimulatedHandleError};
+use teleclay_operator::{Axes, DeviceSample, Intent, SimulatedHandle, SimulatedHandleError};
+use teleclay_proto::Scheme;
 use teleclay_proto::frame::ToolFrame;
 use teleclay_proto::join::LoopParameters;
 
 use crate::handle_side::{HandleSide, HandleStep};
-use crate::parameters::ParameterError;
-use crate::session::{Lines, SessionLoop};
+use crate::parameters::{ParameterError, material, workplace};
+use crate::session::{FreshBlock, Lines, SessionLoop};
 use crate::tool_side::ToolSide;
 
-/// Lease of the rig's one operator.
-const LEASE: u32 = 1;
-/// Most frames that one tick can deliver to the handle.
+/// Most frames that one tick can deliver to a handle.
 const INBOX: usize = 8192;
 
 /// What a run is made of.
 pub struct Setup {
-    /// The loop.
+    /// The loop, the tool, and what the clay resists with.
     pub parameters: LoopParameters,
     /// The block.
     pub clay: Clay,
-    /// What it is made of.
-    pub material: Material,
-    /// The tool.
-    pub tool: ToolShape,
     /// What the person does.
     pub intent: Intent,
     /// What the network does.
     pub lines: Lines,
+}
+
+/// A further operator in the same clay, with a tool and lines of the same kind.
+pub struct Further {
+    /// Where this one's home maps to, m.
+    pub home_m: [f64; 3],
+    /// What this one does.
+    pub intent: Intent,
 }
 
 /// Why a rig cannot be set up.
@@ -49,62 +61,239 @@ pub enum RigError {
     Handle(#[from] SimulatedHandleError),
 }
 
-/// One operator, one session, one line, on virtual time.
-pub struct Rig {
-    tick: Duration,
-    now: Timestamp,
-    device: SimulatedHandle,
-    handle: HandleSide,
-    session: SessionLoop,
-    inbox: Vec<ToolFrame>,
-    last: HandleStep,
+/// What went out, counted where it left.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Traffic {
+    /// Frames.
+    pub frames: u64,
+    /// Their bytes, without what transports add.
+    pub bytes: u64,
 }
 
-impl Rig {
-    /// Everything at rest at time zero.
-    ///
-    /// # Errors
-    /// Parameters that make no loop.
-    pub fn new(setup: Setup) -> Result<Self, RigError> {
-        let axes = match setup.parameters.axes {
-            teleclay_proto::Axes::Two => Axes::Two,
-            teleclay_proto::Axes::Three => Axes::Three,
-        };
-        let mut session = SessionLoop::new(setup.clay, setup.material, 1, &setup.lines);
-        session.seat(
-            0,
-            Box::new(ToolSide::new(&setup.parameters, LEASE, setup.tool)?),
-        );
-        let device = SimulatedHandle::new(axes, setup.parameters.tick_s, setup.intent)?;
-        let tick = Duration::from_secs_f64(setup.parameters.tick_s);
+/// A picture under way to a handle.
+struct UnderWay {
+    number: u32,
+    /// When the server takes it, and when it is there.
+    taken: Timestamp,
+    due: Timestamp,
+    picture: Option<Picture>,
+}
+
+/// One operator, with a place at the session.
+struct Hand {
+    device: SimulatedHandle,
+    handle: HandleSide,
+    inbox: Vec<ToolFrame>,
+    last: HandleStep,
+    observer: Observer,
+    sent: Traffic,
+    received_from: Traffic,
+    picture: Option<UnderWay>,
+    /// Where somebody holds the handle fast, if somebody does.
+    held: Option<DeviceSample>,
+}
+
+/// Operators, one session, a line to each, on virtual time.
+pub struct Rig {
+    tick: Duration,
+    axes: Axes,
+    now: Timestamp,
+    hands: Vec<Hand>,
+    session: SessionLoop,
+    lines: Lines,
+    /// The block as it was at first, and where the first tool works on it.
+    block: Clay,
+    workplace: Arc<Workplace>,
+}
+
+impl Hand {
+    fn new(
+        parameters: &LoopParameters,
+        intent: Intent,
+        lease: u32,
+        clay: &Clay,
+    ) -> Result<Self, RigError> {
+        let axes = axes_of(parameters);
+        let mut handle = HandleSide::new(parameters, lease)?;
+        if parameters.scheme == Scheme::Replica {
+            // The clay comes with the lease.
+            handle.on_picture(Picture {
+                clay: Box::new(clay.clone()),
+                epoch: 1,
+            });
+        }
         Ok(Self {
-            tick,
-            // A stamp of zero means "none" on the wire.
-            now: Timestamp::ZERO.after(tick),
-            device,
-            handle: HandleSide::new(&setup.parameters, LEASE)?,
-            session,
+            device: SimulatedHandle::new(axes, parameters.tick_s, intent)?,
+            handle,
             inbox: Vec::with_capacity(INBOX),
             last: HandleStep {
                 command_m: [0.0; 3],
                 felt_force_n: [0.0; 3],
                 contact: crate::Contact::NotYet,
             },
+            observer: Observer::new(parameters.position_ratio * parameters.force_ratio),
+            sent: Traffic::default(),
+            received_from: Traffic::default(),
+            picture: None,
+            held: None,
+        })
+    }
+
+    fn step(&mut self, now: Timestamp) -> DeviceSample {
+        for frame in self.inbox.drain(..) {
+            self.handle.on_frame(now, &frame);
+        }
+        let before = self.held.unwrap_or_else(|| self.device.sample());
+        self.last = self.handle.step(now, &before);
+        if self.held.is_none() {
+            self.device.command(self.last.command_m);
+        }
+        drop(self.handle.take_retired());
+        before
+    }
+
+    /// Books the true work of the tick at both ends. The force on the hand is zero on an axis that reflects none; the clay's is not, so it is left out
+    /// there. Where the hand works on a copy, that is the clay it works on.
+    fn observe(&mut self, before: &DeviceSample, tool: &ToolSide, axes: Axes, tick_s: f64) {
+        let after = self.held.unwrap_or_else(|| self.device.sample());
+        let way = Vec3::from(after.position_m) - Vec3::from(before.position_m);
+        self.observer
+            .on_hand(Vec3::from(self.last.felt_force_n), way);
+        let copy = self.handle.replica().and_then(ReplicaHandle::copy);
+        let (force, mut tool_way) = match copy {
+            Some(copy) => (copy.answer(), copy.way()),
+            None => {
+                let view = tool.view();
+                let tool_way = Vec3::from(view.velocity_m_s) * tick_s;
+                (Vec3::from(view.force_n), tool_way)
+            }
+        };
+        if axes == Axes::Two {
+            tool_way.z = 0.0;
+        }
+        self.observer.on_clay(force, tool_way);
+    }
+}
+
+impl Rig {
+    /// One operator, everything at rest at time zero.
+    ///
+    /// # Errors
+    /// Parameters that make no loop.
+    pub fn new(setup: Setup) -> Result<Self, RigError> {
+        Self::with_further(setup, Vec::new())
+    }
+
+    /// Several operators in one clay.
+    ///
+    /// # Errors
+    /// Parameters that make no loop.
+    pub fn with_further(setup: Setup, further: Vec<Further>) -> Result<Self, RigError> {
+        let Setup {
+            parameters,
+            clay,
+            intent,
+            lines,
+        } = setup;
+        let material = material(&parameters.material).map_err(ParameterError::from)?;
+        let others = further.into_iter().map(|further| {
+            let parameters = LoopParameters {
+                home_m: further.home_m,
+                ..parameters
+            };
+            (parameters, further.intent)
+        });
+        let seats: Vec<_> = std::iter::once((parameters, intent))
+            .chain(others)
+            .collect();
+        let mut hands = Vec::with_capacity(seats.len());
+        let mut sides = Vec::with_capacity(seats.len());
+        for (lease, (parameters, intent)) in (1..).zip(seats) {
+            hands.push(Hand::new(&parameters, intent, lease, &clay)?);
+            sides.push(Box::new(ToolSide::new(&parameters, lease)?));
+        }
+        let mut session = SessionLoop::new(clay.clone(), material, hands.len(), &lines);
+        for (place, side) in sides.into_iter().enumerate() {
+            session.seat(place, side);
+        }
+        let tick = Duration::from_secs_f64(parameters.tick_s);
+        Ok(Self {
+            tick,
+            axes: axes_of(&parameters),
+            // A stamp of zero means "none" on the wire.
+            now: Timestamp::ZERO.after(tick),
+            hands,
+            session,
+            lines,
+            block: clay,
+            workplace: workplace(&parameters)?,
         })
     }
 
     /// One tick.
     pub fn tick(&mut self) {
-        for frame in self.inbox.drain(..) {
-            self.handle.on_frame(self.now, &frame);
+        let now = self.now;
+        self.deliver_pictures();
+        let mut before = [None; MOST_HANDS];
+        for (place, hand) in self.hands.iter_mut().enumerate() {
+            before[place % MOST_HANDS] = Some(hand.step(now));
+            if let Some(frame) = hand.handle.frame_to_send() {
+                hand.sent.frames += 1;
+                hand.sent.bytes += frame.encoded_len() as u64;
+                self.session.on_frame(now, place, frame.clone());
+            }
         }
-        self.last = self.handle.step(self.now, &self.device.sample());
-        self.device.command(self.last.command_m);
+        let hands = &mut self.hands;
         self.session
-            .on_frame(self.now, 0, self.handle.frame().clone());
-        let inbox = &mut self.inbox;
-        self.session.step(self.now, |_, frame| inbox.push(*frame));
+            .step(now, |place, frame| hands[place].inbox.push(*frame));
+        let tick_s = self.tick.as_secs_f64();
+        for (place, hand) in self.hands.iter_mut().enumerate() {
+            let tool = self.session.side(place).expect(SEATED);
+            if let Some(frame) = tool.frame_to_send() {
+                hand.received_from.frames += 1;
+                hand.received_from.bytes += frame.encoded_len() as u64;
+            }
+            if let Some(before) = &before[place % MOST_HANDS] {
+                hand.observe(before, tool, self.axes, tick_s);
+            }
+        }
         self.now = self.now.after(self.tick);
+    }
+
+    fn deliver_pictures(&mut self) {
+        let now = self.now;
+        for hand in &mut self.hands {
+            if let Some(wanted) = hand.handle.wanted_picture() {
+                let is_new = hand
+                    .picture
+                    .as_ref()
+                    .is_none_or(|under_way| under_way.number != wanted.number);
+                if is_new {
+                    let taken = now.after(self.lines.up.delay);
+                    hand.picture = Some(UnderWay {
+                        number: wanted.number,
+                        taken,
+                        due: taken.after(self.lines.down.delay),
+                        picture: None,
+                    });
+                }
+            }
+            let Some(under_way) = &mut hand.picture else {
+                continue;
+            };
+            if under_way.picture.is_none() && under_way.taken <= now {
+                under_way.picture = Some(Picture {
+                    clay: Box::new(self.session.clay().clone()),
+                    epoch: self.session.turn().epoch,
+                });
+            }
+            if under_way.due <= now
+                && let Some(picture) = under_way.picture.take()
+            {
+                hand.handle.on_picture(picture);
+                hand.picture = None;
+            }
+        }
     }
 
     /// Ticks until `span` has passed.
@@ -115,29 +304,122 @@ impl Rig {
         }
     }
 
+    /// Both sides of every operator leave out the frames that the other would not miss.
+    ///
+    /// # Errors
+    /// The settings are none for this loop.
+    pub fn code_perceptually(&mut self, settings: DeadbandSettings) -> Result<(), DeadbandError> {
+        for (place, hand) in self.hands.iter_mut().enumerate() {
+            hand.handle.code_perceptually(settings)?;
+            let side = self.session.side_mut(place).expect(SEATED);
+            side.code_perceptually(settings)?;
+        }
+        Ok(())
+    }
+
+    /// Every handle is held fast where it is, with no force on its sensor: what is under way on the lines arrives, and nothing new begins.
+    pub fn hold_handles_fast(&mut self) {
+        for hand in &mut self.hands {
+            hand.held = Some(DeviceSample {
+                velocity_m_s: [0.0; 3],
+                hand_force_n: [0.0; 3],
+                ..hand.device.sample()
+            });
+        }
+    }
+
+    /// The hands go on from where their handles were held.
+    pub fn let_handles_go(&mut self) {
+        for hand in &mut self.hands {
+            hand.held = None;
+        }
+    }
+
+    /// Changes what the lines do, from the next frame on.
+    pub fn impair(&mut self, lines: Lines) {
+        self.session.impair(&lines);
+        self.lines = lines;
+    }
+
+    /// Changes the scheme of every operator, as a new revision of the parameters.
+    pub fn change_scheme(&mut self, scheme: Scheme) {
+        let revision = self.session.turn().since_revision.wrapping_add(1);
+        self.session.change_scheme(scheme, revision);
+    }
+
+    /// A fresh block of the shape and size of the first, as a new revision of the parameters.
+    pub fn fresh_block(&mut self) {
+        let turn = self.session.turn();
+        let mut fresh = FreshBlock {
+            clay: self.block.clone(),
+            workplace: Arc::clone(&self.workplace),
+            turn: Turn {
+                since_revision: turn.since_revision.wrapping_add(1),
+                epoch: turn.epoch.wrapping_add(1),
+            },
+            before: Vec::new(),
+        };
+        self.session.swap_clay(&mut fresh);
+    }
+
+    /// Energy in the channel between the first hand and its clay, J, from true work at both ends.
+    pub fn energy_j(&self) -> f64 {
+        self.hands[0].observer.energy_j()
+    }
+
+    /// The least that this energy has been, J: zero for a channel that never gave more than it got.
+    pub fn least_energy_j(&self) -> f64 {
+        self.hands[0].observer.least_j()
+    }
+
+    /// What the first operator's two sides sent: up, down.
+    pub fn traffic(&self) -> [Traffic; 2] {
+        [self.hands[0].sent, self.hands[0].received_from]
+    }
+
+    /// Frames that left each side: up, down.
+    pub fn frames_sent(&self) -> [u64; 2] {
+        self.traffic().map(|traffic| traffic.frames)
+    }
+
     /// Virtual time.
     pub fn now(&self) -> Timestamp {
         self.now
     }
 
-    /// What the last step gave the device.
+    /// What the last step gave the first device.
     pub fn last(&self) -> &HandleStep {
-        &self.last
+        &self.hands[0].last
     }
 
-    /// The device.
+    /// The first device.
     pub fn device(&self) -> &SimulatedHandle {
-        &self.device
+        &self.hands[0].device
     }
 
-    /// The device, to change its intent.
+    /// The first device, to change its intent.
     pub fn device_mut(&mut self) -> &mut SimulatedHandle {
-        &mut self.device
+        &mut self.hands[0].device
     }
 
-    /// The handle side.
+    /// The device of an operator, to change its intent.
+    pub fn device_of_mut(&mut self, place: usize) -> &mut SimulatedHandle {
+        &mut self.hands[place].device
+    }
+
+    /// The first handle side.
     pub fn handle(&self) -> &HandleSide {
-        &self.handle
+        &self.hands[0].handle
+    }
+
+    /// The handle side of an operator.
+    pub fn handle_of(&self, place: usize) -> &HandleSide {
+        &self.hands[place].handle
+    }
+
+    /// The first operator's scheme, where it keeps a copy of the clay.
+    pub fn replica(&self) -> Option<&ReplicaHandle> {
+        self.handle().replica()
     }
 
     /// The session.
@@ -145,15 +427,23 @@ impl Rig {
         &self.session
     }
 
-    /// The session, to change its network, material or clay.
+    /// The session, to change its material or clay.
     pub fn session_mut(&mut self) -> &mut SessionLoop {
         &mut self.session
     }
 
-    /// The tool side.
+    /// The first operator's tool side.
     pub fn tool(&self) -> &ToolSide {
-        self.session
-            .side(0)
-            .expect("the rig never vacates its one place")
+        self.session.side(0).expect(SEATED)
+    }
+}
+
+const MOST_HANDS: usize = 8;
+const SEATED: &str = "the rig never vacates a place";
+
+fn axes_of(parameters: &LoopParameters) -> Axes {
+    match parameters.axes {
+        teleclay_proto::Axes::Two => Axes::Two,
+        teleclay_proto::Axes::Three => Axes::Three,
     }
 }

@@ -1,13 +1,17 @@
 //! One session: a block of clay, its tools, and the conditioned line to each of them. Stepped once a tick.
 
+use std::sync::Arc;
+
 use teleclay_clay::{Clay, Material};
 use teleclay_link::conditioner::{Conditioner, Impairment};
+use teleclay_link::replica::{Cut, Workplace};
 use teleclay_link::safety::NotFinite;
+use teleclay_link::scheme::replica::Turn;
 use teleclay_link::time::Timestamp;
 use teleclay_proto::Scheme;
 use teleclay_proto::frame::{HandleFrame, ToolFrame};
 
-use crate::tool_side::{Permission, ToolSide, ToolStep};
+use crate::tool_side::{CUTS_A_TICK, Permission, ToolSide, ToolStep};
 
 /// Frames in flight on one line at most: two seconds of delay at 1 kHz, every one of them doubled.
 const LINE_CAPACITY: usize = 4096;
@@ -33,6 +37,18 @@ struct Place {
     last: ToolStep,
 }
 
+/// What takes the place of a block that was cut.
+pub struct FreshBlock {
+    /// The block.
+    pub clay: Clay,
+    /// Where and with what the tools work on it.
+    pub workplace: Arc<Workplace>,
+    /// Its number, and the revision of the parameters that came with it.
+    pub turn: Turn,
+    /// Gets what the tools had before; needs room for as many as there are places.
+    pub before: Vec<Arc<Workplace>>,
+}
+
 /// A session's loop. Owned by whoever steps it.
 pub struct SessionLoop {
     clay: Clay,
@@ -41,6 +57,9 @@ pub struct SessionLoop {
     is_paused: bool,
     fault: Option<NotFinite>,
     ticks: u64,
+    turn: Turn,
+    /// Cuts of one tool on their way to the others.
+    cuts: Vec<Cut>,
 }
 
 impl SessionLoop {
@@ -63,6 +82,11 @@ impl SessionLoop {
             is_paused: false,
             fault: None,
             ticks: 0,
+            turn: Turn {
+                since_revision: 0,
+                epoch: 1,
+            },
+            cuts: Vec::with_capacity(CUTS_A_TICK),
         }
     }
 
@@ -76,7 +100,8 @@ impl SessionLoop {
     /// One tick of every tool. `send` gets each frame that leaves the line towards a handle.
     pub fn step(&mut self, now: Timestamp, mut send: impl FnMut(usize, &ToolFrame)) {
         self.ticks += 1;
-        for (number, place) in self.places.iter_mut().enumerate() {
+        for number in 0..self.places.len() {
+            let place = &mut self.places[number];
             let Some(side) = place.side.as_mut() else {
                 continue;
             };
@@ -90,15 +115,36 @@ impl SessionLoop {
             };
             place.last = side.step(now, &mut self.clay, &self.material, permission);
             self.fault = self.fault.or(side.fault());
-            place.down.push(now, *side.frame());
+            if let Some(frame) = side.frame_to_send() {
+                place.down.push(now, *frame);
+            }
             while let Some(frame) = place.down.poll(now) {
                 send(number, &frame);
+            }
+            self.cuts.clear();
+            self.cuts.extend_from_slice(side.cuts());
+            self.relay_from(number);
+        }
+    }
+
+    /// Tells everybody else's copy what the tool at `number` has cut.
+    fn relay_from(&mut self, number: usize) {
+        if self.cuts.is_empty() {
+            return;
+        }
+        let others = (0..)
+            .zip(&mut self.places)
+            .filter(|(other, _)| *other != number);
+        for side in others.filter_map(|(_, place)| place.side.as_mut()) {
+            for cut in &self.cuts {
+                side.relay(*cut);
             }
         }
     }
 
     /// Gives `place` to an operator. Returns who held it, to be dropped elsewhere.
-    pub fn seat(&mut self, place: usize, side: Box<ToolSide>) -> Option<Box<ToolSide>> {
+    pub fn seat(&mut self, place: usize, mut side: Box<ToolSide>) -> Option<Box<ToolSide>> {
+        side.take_up(self.turn);
         let place = self.places.get_mut(place)?;
         place.up.clear();
         place.down.clear();
@@ -124,36 +170,48 @@ impl SessionLoop {
         }
     }
 
-    /// A fresh block: tools go to where their handles are, without cutting. Clears a fault. Leaves the old clay in `clay`,
-    /// to be dropped elsewhere.
-    pub fn swap_clay(&mut self, clay: &mut Clay) {
+    /// A fresh block: tools go to where their handles are, without cutting. Clears a fault. Leaves the old clay in `fresh`, to be dropped
+    /// elsewhere.
+    pub fn swap_clay(&mut self, fresh: &mut FreshBlock) {
         self.fault = None;
-        for side in self
-            .places
-            .iter_mut()
-            .filter_map(|place| place.side.as_mut())
-        {
-            side.clear_fault();
-            side.reindex();
+        let turn = fresh.turn;
+        self.turn = turn;
+        self.material = fresh.workplace.material;
+        for side in self.sides_mut() {
+            let before = side.move_to(Arc::clone(&fresh.workplace));
+            side.start_on_fresh_block(turn);
+            fresh.before.push(before);
         }
-        std::mem::swap(&mut self.clay, clay);
+        std::mem::swap(&mut self.clay, &mut fresh.clay);
     }
 
-    /// Changes the scheme of every tool. A tool whose scheme cannot be had keeps its own; ask for its name afterwards.
-    pub fn change_scheme(&mut self, scheme: Scheme) {
-        for side in self
-            .places
-            .iter_mut()
-            .filter_map(|place| place.side.as_mut())
-        {
-            // Checked where the wish came in; here only the old scheme going on is left.
-            let _ = side.change_scheme(scheme);
+    /// Changes the scheme of every tool, from `revision` of the parameters on.
+    pub fn change_scheme(&mut self, scheme: Scheme, revision: u16) {
+        self.turn.since_revision = revision;
+        let turn = self.turn;
+        for side in self.sides_mut() {
+            side.change_scheme(scheme, turn);
         }
     }
 
-    /// Changes what the clay is made of.
-    pub fn soften_or_harden(&mut self, material: Material) {
+    /// Changes what the clay is made of, from `revision` of the parameters on.
+    pub fn soften_or_harden(&mut self, material: Material, revision: u16) {
         self.material = material;
+        self.turn.since_revision = revision;
+        for side in self.sides_mut() {
+            side.set_revision(revision);
+        }
+    }
+
+    fn sides_mut(&mut self) -> impl Iterator<Item = &mut ToolSide> {
+        self.places
+            .iter_mut()
+            .filter_map(|place| place.side.as_deref_mut())
+    }
+
+    /// Revision of the parameters, and which block of clay this is.
+    pub fn turn(&self) -> Turn {
+        self.turn
     }
 
     /// Holds every tool.

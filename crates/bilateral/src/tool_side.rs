@@ -4,28 +4,32 @@
 //! frames ─> input check ─> scheme's reference ─> gate ─> G_t^-1 ─v_t─> G_t ─y_t─> clay: cut, contact, reaction ─> frame
 //! ```
 //!
-//! The gate is where motion stops: it follows the scheme's reference step by step while frames come, and holds the tool while they do
-//! not, while the session is paused and after a fault. Nothing that arrives late is made up for: after a hold the tool goes on from where
-//! it stands, and where the scheme's reference is a place rather than a sum of increments, it returns there at [`RECOVERY_SPEED_M_S`].
+//! The gate ([`teleclay_link::travel`]) is where motion stops: it follows the scheme's reference step by step while frames come, and holds the tool
+//! while they do not, while the session is paused and after a fault. Where the handle has cut a copy of the clay, its sweeps are merged instead
+//! ([`teleclay_link::scheme::replica`]).
 
-use teleclay_clay::{Clay, ContactState, Material, Motion, Pose, Tool, ToolShape};
+use std::sync::Arc;
+
+use teleclay_clay::{Clay, ContactState, Material, Motion, Pose};
 use teleclay_control::State;
 use teleclay_link::Vec3;
 use teleclay_link::arrivals::{Arrival, ArrivalCounts, Arrivals};
+use teleclay_link::deadband::{Deadband, DeadbandError, DeadbandSettings};
+use teleclay_link::replica::{Cut, Workplace};
 use teleclay_link::round_trip::RoundTrip;
-use teleclay_link::safety::{NotFinite, Watchdog, capped, check};
-use teleclay_link::scheme::{Recovery, ToolEnd, ToolPort, tool_end};
+use teleclay_link::safety::{NotFinite, Watchdog, check};
+use teleclay_link::scheme::replica::{Merged, Site, Turn};
+use teleclay_link::scheme::{ToolEnd, ToolPort, tool_end};
 use teleclay_link::time::Timestamp;
+use teleclay_link::travel::{Travel, Wish};
 use teleclay_proto::Scheme;
-use teleclay_proto::frame::{Engagement, HandleFrame, Header, LoopStatus, ToolFrame};
+use teleclay_proto::frame::{CopyState, Engagement, HandleFrame, Header, LoopStatus, ToolFrame};
 use teleclay_proto::join::LoopParameters;
 
 use crate::parameters::{LoopModel, ParameterError};
 
-/// After a hold the tool returns to the handle's place at this speed, m/s: seen coming, and slow enough for any clay here.
-pub const RECOVERY_SPEED_M_S: f64 = 0.05;
-/// The lift of a two-axis session moves the tool no faster than this, m/s.
-const LIFT_SPEED_M_S: f64 = 0.1;
+/// Cuts that one tick can make: its own or, where sweeps are merged, as many as a tick may merge.
+pub(crate) const CUTS_A_TICK: usize = 64;
 
 /// Whether the session lets its tools work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -68,6 +72,12 @@ pub struct ToolView {
     pub energy_handle_j: f64,
     /// Energy that the tool put into the clay, J.
     pub energy_tool_j: f64,
+    /// Felt force less what the hand would feel of this clay's answer to the same motion, N: what a copy hid. Zero in schemes without one.
+    pub hidden_force_n: [f64; 3],
+    /// What the handle's copy of the clay is good for, as last received.
+    pub copy: CopyState,
+    /// Sweeps refused since joining.
+    pub sweeps_refused: u32,
 }
 
 /// The tool side of one tool's loop.
@@ -75,7 +85,6 @@ pub struct ToolSide {
     model: LoopModel,
     end: Box<dyn ToolEnd>,
     scheme: Scheme,
-    tool: Tool,
     contact: ContactState,
     /// Internal model of the inverse, and the plant itself, axis by axis, both as displacement from `base`.
     inverse: [State; 3],
@@ -83,8 +92,11 @@ pub struct ToolSide {
     base: Vec3,
     position: Vec3,
     velocity: Vec3,
-    gated: Vec3,
-    reference: Option<Vec3>,
+    travel: Travel,
+    /// Whether the handle's sweeps led in the last tick.
+    was_led: bool,
+    /// What was cut in the last tick.
+    cuts: Vec<Cut>,
     clay_force: Vec3,
     lift: f64,
     watchdog: Watchdog,
@@ -96,6 +108,10 @@ pub struct ToolSide {
     fault: Option<NotFinite>,
     view: ToolView,
     frame: ToolFrame,
+    deadband: Option<Deadband>,
+    /// Status, scheme and revision as last sent.
+    announced: Option<(LoopStatus, Scheme, u16)>,
+    is_due: bool,
 }
 
 impl ToolSide {
@@ -103,11 +119,7 @@ impl ToolSide {
     ///
     /// # Errors
     /// The parameters make no loop.
-    pub fn new(
-        parameters: &LoopParameters,
-        lease: u32,
-        shape: ToolShape,
-    ) -> Result<Self, ParameterError> {
+    pub fn new(parameters: &LoopParameters, lease: u32) -> Result<Self, ParameterError> {
         let model = LoopModel::new(parameters)?;
         let header = Header {
             lease,
@@ -116,17 +128,24 @@ impl ToolSide {
             ..Header::default()
         };
         let mut side = Self {
-            end: tool_end(parameters.scheme, &model.coupling)?,
+            end: tool_end(
+                parameters.scheme,
+                &model.ground,
+                Turn {
+                    since_revision: parameters.revision,
+                    epoch: 0,
+                },
+            ),
             scheme: parameters.scheme,
-            tool: Tool::new(shape),
             contact: ContactState::default(),
             inverse: [State::default(); 3],
             plant: [State::default(); 3],
             base: Vec3::zeros(),
             position: Vec3::zeros(),
             velocity: Vec3::zeros(),
-            gated: Vec3::zeros(),
-            reference: None,
+            travel: Travel::new(model.workplace().travel),
+            was_led: false,
+            cuts: Vec::with_capacity(CUTS_A_TICK),
             clay_force: Vec3::zeros(),
             lift: 0.0,
             watchdog: Watchdog::new(model.watchdog),
@@ -141,20 +160,32 @@ impl ToolSide {
                 header,
                 ..ToolFrame::default()
             },
+            deadband: None,
+            announced: None,
+            is_due: false,
             model,
         };
-        side.view.position_m = side.model.home.into();
+        side.view.position_m = side.model.workplace().home.into();
         Ok(side)
     }
 
-    /// A frame came from the handle side. Frames under another lease are not ours; older ones are only counted.
+    /// From now on leaves out frames that the other side would not miss; see [`teleclay_link::deadband`].
+    ///
+    /// # Errors
+    /// The settings are none for this loop; nothing changes.
+    pub fn code_perceptually(&mut self, settings: DeadbandSettings) -> Result<(), DeadbandError> {
+        self.deadband = Some(Deadband::new(settings, self.model.watchdog.silence)?);
+        Ok(())
+    }
+
+    /// A frame came from the handle side. Frames under another lease are not ours; older ones are counted, and shown to a scheme that
+    /// plays its samples in order.
     pub fn on_frame(&mut self, now: Timestamp, frame: &HandleFrame) {
         let header = &frame.header;
-        if header.lease != self.frame.header.lease
-            || self.arrivals.on_sequence(header.sequence) != Arrival::Newest
-        {
+        if header.lease != self.frame.header.lease {
             return;
         }
+        let arrival = self.arrivals.on_sequence(header.sequence);
         let outside = [
             ("position_m", &frame.position_m[..]),
             ("velocity_m_s", &frame.velocity_m_s),
@@ -166,6 +197,10 @@ impl ToolSide {
         ];
         if let Err(fault) = check(&outside) {
             self.fault = Some(fault);
+            return;
+        }
+        if arrival != Arrival::Newest {
+            self.end.on_straggler(now, frame);
             return;
         }
         self.round_trip
@@ -192,19 +227,54 @@ impl ToolSide {
         permission: Permission,
     ) -> ToolStep {
         let tick_s = self.model.tick_s();
-        let wanted = self.gate(now, permission);
-        let before = self.position;
-        self.follow(wanted);
-        self.velocity = (self.position - before) / tick_s;
-        let step = self.work(before, clay, material);
+        let status = self.status(permission);
+        let gain = self.gain(now, permission);
+        let port = self.port();
+        self.cuts.clear();
+        let site = Site {
+            clay,
+            material,
+            contact: &mut self.contact,
+            status,
+            cuts: &mut self.cuts,
+        };
+        let step = match self.end.merge(now, &port, site) {
+            Some(merged) => self.adopt(&merged),
+            None => {
+                self.stop_being_led();
+                let wanted = self.gate(now, &port, gain);
+                let before = self.position;
+                self.follow(wanted);
+                self.velocity = (self.position - before) / tick_s;
+                let step = self.work(before, clay, material);
+                let port = self.port();
+                self.end.moved(&port);
+                step
+            }
+        };
         self.view_tool(tick_s);
-        self.fill_frame(now, clay, permission, step);
+        self.fill_frame(now, status, step);
         step
     }
 
-    /// The frame of the last step, to be sent now.
+    /// What was cut in the last tick.
+    pub fn cuts(&self) -> &[Cut] {
+        &self.cuts
+    }
+
+    /// Another tool has cut the clay.
+    pub fn relay(&mut self, cut: Cut) {
+        self.end.relay(cut);
+    }
+
+    /// The frame of the last step, whether it goes out or not.
     pub fn frame(&self) -> &ToolFrame {
         &self.frame
+    }
+
+    /// The frame to be sent now, if the last step made one that the other side would miss. Without perceptual coding every step does.
+    pub fn frame_to_send(&self) -> Option<&ToolFrame> {
+        self.is_due.then_some(&self.frame)
     }
 
     /// The tool and the handle as seen from here.
@@ -216,32 +286,68 @@ impl ToolSide {
     pub fn reindex(&mut self) {
         let handle = Vec3::from(self.view.handle_position_m);
         self.end.reindex(handle);
-        let mut place = handle * self.model.coupling.position_ratio;
-        for axis in 0..3 {
-            place[axis] = self.within_reach(axis, place[axis]);
-        }
+        let place = self
+            .travel
+            .put(handle * self.model.coupling().position_ratio);
         self.base = place;
         self.position = place;
-        self.gated = place;
         self.velocity = Vec3::zeros();
-        self.reference = None;
+        self.was_led = false;
         self.inverse = [State::default(); 3];
         self.plant = [State::default(); 3];
         self.contact = ContactState::default();
         self.clay_force = Vec3::zeros();
     }
 
-    /// Changes the scheme; the tool goes on from where it stands.
-    ///
-    /// # Errors
-    /// The scheme is not available; nothing changes.
-    pub fn change_scheme(&mut self, scheme: Scheme) -> Result<(), ParameterError> {
-        let mut end = tool_end(scheme, &self.model.coupling)?;
+    /// Changes the scheme; the tool goes on from where it stands. `turn` says from which revision of the parameters on frames are meant for it.
+    pub fn change_scheme(&mut self, scheme: Scheme, turn: Turn) {
+        if scheme == self.scheme {
+            self.frame.header.revision = turn.since_revision;
+            return;
+        }
+        self.stop_being_led();
+        let mut end = tool_end(scheme, &self.model.ground, turn);
         end.reindex(Vec3::from(self.view.handle_position_m));
         self.end = end;
         self.scheme = scheme;
-        self.reference = None;
-        Ok(())
+        self.travel.forget_reference();
+        let header = self.frame.header;
+        self.frame = ToolFrame {
+            header: Header {
+                revision: turn.since_revision,
+                clay_epoch: turn.epoch,
+                ..header
+            },
+            ..ToolFrame::default()
+        };
+    }
+
+    /// The clay was exchanged for a fresh block: the tool goes to where its handle is, without cutting, and a fault is over.
+    pub fn start_on_fresh_block(&mut self, turn: Turn) {
+        self.fault = None;
+        self.frame.header.revision = turn.since_revision;
+        self.frame.header.clay_epoch = turn.epoch;
+        self.end.on_fresh_block(turn.epoch);
+        self.reindex();
+    }
+
+    /// Another place or tool, from the fresh block on that follows. Gives back what was, to be dropped elsewhere.
+    pub fn move_to(&mut self, workplace: Arc<Workplace>) -> Arc<Workplace> {
+        self.travel.limit(workplace.travel);
+        self.end.move_to(&workplace);
+        std::mem::replace(&mut self.model.ground.workplace, workplace)
+    }
+
+    /// The parameters have this revision now, and the scheme works on this block; for a tool that was just seated.
+    pub fn take_up(&mut self, turn: Turn) {
+        self.frame.header.revision = turn.since_revision;
+        self.frame.header.clay_epoch = turn.epoch;
+        self.end.on_fresh_block(turn.epoch);
+    }
+
+    /// The parameters have this revision now.
+    pub fn set_revision(&mut self, revision: u16) {
+        self.frame.header.revision = revision;
     }
 
     /// Whether frames come.
@@ -276,11 +382,6 @@ impl ToolSide {
         self.fault
     }
 
-    /// Starts afresh after a fault, with a fresh block.
-    pub(crate) fn clear_fault(&mut self) {
-        self.fault = None;
-    }
-
     /// Counts of what came from the handle side.
     pub fn arrivals(&self) -> ArrivalCounts {
         self.arrivals.counts()
@@ -293,7 +394,7 @@ impl ToolSide {
 
     /// Distance between the tool and the image of the handle as last received, over the axes that reflect force, m.
     pub fn coordination_m(&self) -> f64 {
-        let wanted = Vec3::from(self.view.handle_position_m) * self.model.coupling.position_ratio;
+        let wanted = Vec3::from(self.view.handle_position_m) * self.model.coupling().position_ratio;
         let error = wanted - self.position;
         (0..self.model.axes)
             .map(|axis| error[axis] * error[axis])
@@ -301,41 +402,72 @@ impl ToolSide {
             .sqrt()
     }
 
-    /// Where the tool may go in this tick.
-    fn gate(&mut self, now: Timestamp, permission: Permission) -> Vec3 {
+    /// The port after the last displacement and the clay's answer to it.
+    fn port(&self) -> ToolPort {
+        ToolPort {
+            position: self.position,
+            velocity: self.model.reflected(self.velocity),
+            clay_force: self.model.reflected(self.clay_force),
+            displacement: self.model.reflected(self.velocity * self.model.tick_s()),
+        }
+    }
+
+    /// How far the gate stands open, 0 to 1.
+    fn gain(&mut self, now: Timestamp, permission: Permission) -> f64 {
         let tick_s = self.model.tick_s();
-        let change = tick_s / self.model.ramp_s;
+        let change = tick_s / self.model.workplace().ramp_s;
         let may_work = permission == Permission::Work && self.fault.is_none();
         self.permission_gain =
             (self.permission_gain + if may_work { change } else { -change }).clamp(0.0, 1.0);
-        let gain = self.watchdog.step(now, tick_s) * self.permission_gain;
+        self.watchdog.step(now, tick_s) * self.permission_gain
+    }
 
-        let port = ToolPort {
-            position: self.position,
-            velocity: self.velocity,
-            clay_force: self.clay_force,
+    /// Where the tool may go in this tick.
+    fn gate(&mut self, now: Timestamp, port: &ToolPort, gain: f64) -> Vec3 {
+        let ratio = self.model.coupling().position_ratio;
+        let wish = Wish {
+            reference: self.end.reference(now, port, gain),
+            recovery: self.end.recovery(),
+            lift_m: self
+                .model
+                .workplace()
+                .is_lifted
+                .then_some(self.lift * ratio),
         };
-        let reference = self.end.reference(now, &port, gain);
-        let increment = self
-            .reference
-            .map_or_else(Vec3::zeros, |before| reference - before);
-        self.reference = Some(reference);
+        self.travel.step(wish, gain)
+    }
 
-        let mut next = self.gated + increment * gain;
-        if self.end.recovery() == Recovery::Absolute {
-            next += capped(reference - next, RECOVERY_SPEED_M_S * tick_s) * gain;
+    /// The handle's sweeps lead: the tool is where they put it.
+    fn adopt(&mut self, merged: &Merged) -> ToolStep {
+        self.was_led = true;
+        self.position = merged.displacement;
+        self.velocity = merged.velocity;
+        self.clay_force = merged.force;
+        if merged.newest.is_some() {
+            let felt = self
+                .model
+                .coupling()
+                .felt(self.model.reflected(merged.force));
+            self.view.hidden_force_n = (Vec3::from(self.view.felt_force_n) - felt).into();
         }
-        if self.model.axes < 3 {
-            let lift = self.lift * self.model.coupling.position_ratio;
-            let most = LIFT_SPEED_M_S * tick_s * gain;
-            next.z = self.gated.z + (lift - self.gated.z).clamp(-most, most);
+        ToolStep {
+            removed_units: merged.removed_units,
+            engaged_area_m2: merged.engaged_area_m2,
         }
-        next = self.gated + capped(next - self.gated, self.model.speed_limit_m_s * tick_s);
-        for axis in 0..3 {
-            next[axis] = self.within_reach(axis, next[axis]);
+    }
+
+    /// From here on the tool moves by itself again, from where it stands.
+    fn stop_being_led(&mut self) {
+        if !std::mem::take(&mut self.was_led) {
+            return;
         }
-        self.gated = next;
-        next
+        self.base = self.travel.put(self.position);
+        self.position = self.base;
+        self.velocity = Vec3::zeros();
+        self.inverse = [State::default(); 3];
+        self.plant = [State::default(); 3];
+        self.view.hidden_force_n = [0.0; 3];
+        self.end.reindex(Vec3::from(self.view.handle_position_m));
     }
 
     /// Drives the tool's plant to `wanted` by way of its inverse: [KHMH03] (31)–(32) end here.
@@ -352,7 +484,9 @@ impl ToolSide {
     }
 
     fn work(&mut self, before: Vec3, clay: &mut Clay, material: &Material) -> ToolStep {
-        let pose = |displacement: Vec3| Pose::quantise((self.model.home + displacement).into());
+        let pose = |displacement: Vec3| {
+            Pose::quantise((self.model.workplace().home + displacement).into())
+        };
         let motion = pose(before).and_then(|from| Ok((from, pose(self.position)?)));
         let motion = motion
             .ok()
@@ -364,61 +498,96 @@ impl ToolSide {
             });
             return ToolStep::default();
         };
-        let worked = clay.work(&self.tool, material, &motion, &mut self.contact);
+        let worked = clay.work(
+            &self.model.workplace().tool,
+            material,
+            &motion,
+            &mut self.contact,
+        );
         self.clay_force = Vec3::from(worked.response.force_n);
+        if motion.from() != motion.to() || 0 < worked.removed_units {
+            self.cuts.push(Cut {
+                from: motion.from(),
+                to: motion.to(),
+            });
+        }
         ToolStep {
             removed_units: worked.removed_units,
             engaged_area_m2: worked.response.engaged_area_m2,
         }
     }
 
-    fn within_reach(&self, axis: usize, displacement: f64) -> f64 {
-        let [least, greatest] = self
-            .model
-            .reach
-            .map(|bound| bound[axis] - self.model.home[axis]);
-        displacement.clamp(least, greatest)
-    }
-
     fn view_handle(&mut self, frame: &HandleFrame) {
         let felt = Vec3::from(frame.felt_force_n);
         let velocity = Vec3::from(frame.velocity_m_s);
         let view = &mut self.view;
-        view.energy_handle_j -= felt.dot(&velocity) * self.model.coupling.tick_s;
+        view.energy_handle_j -= felt.dot(&velocity) * self.model.coupling().tick_s;
         view.handle_position_m = frame.position_m;
         view.handle_velocity_m_s = frame.velocity_m_s;
         view.hand_force_n = frame.hand_force_n;
         view.felt_force_n = frame.felt_force_n;
+        view.copy = frame.copy;
         self.lift = frame.position_m[2];
     }
 
     fn view_tool(&mut self, tick_s: f64) {
-        self.view.position_m = (self.model.home + self.position).into();
+        self.view.position_m = (self.model.workplace().home + self.position).into();
         self.view.velocity_m_s = self.velocity.into();
         self.view.force_n = self.clay_force.into();
         self.view.energy_tool_j -= self.clay_force.dot(&self.velocity) * tick_s;
     }
 
-    fn fill_frame(&mut self, now: Timestamp, clay: &Clay, permission: Permission, step: ToolStep) {
-        let (echo_ns, echo_hold_ns) = self.round_trip.echo(now);
-        let header = &mut self.frame.header;
-        header.sequence = header.sequence.wrapping_add(1);
-        header.sent_ns = now.as_nanos();
-        header.echo_ns = echo_ns;
-        header.echo_hold_ns = echo_hold_ns;
-        header.scheme = self.scheme;
-        self.frame.status = match permission {
+    fn status(&self, permission: Permission) -> LoopStatus {
+        match permission {
             _ if self.fault.is_some() => LoopStatus::Fault,
             Permission::Fault => LoopStatus::Fault,
             Permission::Pause => LoopStatus::Paused,
             Permission::Work if self.engaged => LoopStatus::Running,
             Permission::Work => LoopStatus::Idle,
+        }
+    }
+
+    fn fill_frame(&mut self, now: Timestamp, status: LoopStatus, step: ToolStep) {
+        let (echo_ns, echo_hold_ns) = self.round_trip.echo(now);
+        let header = &mut self.frame.header;
+        header.sent_ns = now.as_nanos();
+        header.echo_ns = echo_ns;
+        header.echo_hold_ns = echo_hold_ns;
+        header.scheme = self.scheme;
+        // A fault that this very tick brought is told at once.
+        self.frame.status = if self.fault.is_some() {
+            LoopStatus::Fault
+        } else {
+            status
         };
         self.frame.position_m = self.view.position_m;
         self.frame.velocity_m_s = self.view.velocity_m_s;
         self.frame.force_n = self.view.force_n;
         self.frame.engaged_area_m2 = step.engaged_area_m2;
-        let _ = clay;
         self.end.fill(&mut self.frame);
+        self.view.sweeps_refused = self.frame.sweeps_refused;
+        self.number_frame(now);
+    }
+
+    /// Decides whether the frame goes out. Numbers count the frames that do.
+    fn number_frame(&mut self, now: Timestamp) {
+        let announcement = (self.frame.status, self.scheme, self.frame.header.revision);
+        self.is_due = match &mut self.deadband {
+            Some(deadband) => {
+                if self.announced != Some(announcement) {
+                    deadband.insist();
+                }
+                if self.end.has_urgent_news() {
+                    deadband.insist();
+                }
+                deadband.should_send(now, self.end.signal(&self.frame))
+            }
+            None => true,
+        };
+        if self.is_due {
+            self.end.on_sent(&self.frame);
+            self.announced = Some(announcement);
+            self.frame.header.sequence = self.frame.header.sequence.wrapping_add(1);
+        }
     }
 }

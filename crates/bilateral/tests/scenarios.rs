@@ -5,11 +5,11 @@ use std::time::Duration;
 
 use teleclay_bilateral::rig::{Rig, Setup};
 use teleclay_bilateral::{Contact, Lines};
-use teleclay_clay::{Ball, Blade, BladeDimensions, Clay, Material, Shape, SteppedBlock, ToolShape};
+use teleclay_clay::{Clay, Shape, SteppedBlock};
 use teleclay_link::conditioner::{Bursts, Impairment, JitterDistribution, Outages};
 use teleclay_operator::{Intent, Reach};
 use teleclay_proto::join::LoopParameters;
-use teleclay_proto::{Axes, Scheme};
+use teleclay_proto::{Axes, Scheme, ToolDescription};
 
 fn force_exchange() -> LoopParameters {
     LoopParameters {
@@ -31,6 +31,7 @@ fn carving(intent: Intent, lines: Lines) -> Rig {
     Rig::new(Setup {
         parameters: LoopParameters {
             home_m: [0.064, 0.032, 0.064 + radius_m],
+            tool: ToolDescription::Ball { radius_m },
             ..force_exchange()
         },
         clay: Clay::new(
@@ -40,8 +41,6 @@ fn carving(intent: Intent, lines: Lines) -> Rig {
             5e-4,
         )
         .unwrap(),
-        material: Material::default(),
-        tool: ToolShape::Ball(Ball::new(radius_m).unwrap()),
         intent,
         lines,
     })
@@ -58,15 +57,6 @@ fn fig_7(hand_force_n: f64, lines: Lines, home_x_m: f64) -> Rig {
             ..force_exchange()
         },
         clay: Clay::new(&Shape::Stepped(SteppedBlock::paper()), 5e-4).unwrap(),
-        material: Material::default(),
-        tool: ToolShape::Blade(
-            Blade::new(BladeDimensions {
-                width_m: 0.010,
-                height_m: 0.040,
-                thickness_m: 0.002,
-            })
-            .unwrap(),
-        ),
         intent: Intent::sensor_force([hand_force_n, 0.0, 0.0]).unwrap(),
         lines,
     })

@@ -49,6 +49,9 @@ pub struct Counter {
 }
 
 impl Counter {
+    /// Nothing received yet.
+    pub const NEW: Self = Self { last_j: None };
+
     /// What came since the last value, J. The first value is where counting starts; one below the last says that the peer has started
     /// anew, and is a start as well.
     pub fn increment_j(&mut self, total_j: f64) -> f64 {

@@ -21,6 +21,17 @@ struct Exchange {
     offset_ns: f64,
 }
 
+/// Round trip of one exchange: a stamp of ours that came back at `now`, after the peer had held it. `None` without a stamp.
+pub fn of_exchange(now: Timestamp, echo_ns: u64, echo_hold_ns: u32) -> Option<Duration> {
+    if echo_ns == 0 {
+        return None;
+    }
+    let there_and_back = now.as_nanos().checked_sub(echo_ns)?;
+    // A hold longer than the exchange is a broken or hostile stamp: no sample.
+    let round_trip_ns = there_and_back.checked_sub(u64::from(echo_hold_ns))?;
+    Some(Duration::from_nanos(round_trip_ns))
+}
+
 /// One side's view of round trip and offset.
 #[derive(Clone, Debug, Default)]
 pub struct RoundTrip {
@@ -44,13 +55,8 @@ impl RoundTrip {
         echo_hold_ns: u32,
     ) -> Option<Duration> {
         self.peer = Some((sent_ns, now));
-        if echo_ns == 0 {
-            return None;
-        }
-        let there_and_back = now.as_nanos().checked_sub(echo_ns)?;
-        // A hold longer than the exchange is a broken or hostile stamp: no sample.
-        let round_trip_ns = there_and_back.checked_sub(u64::from(echo_hold_ns))?;
-        let round_trip = Duration::from_nanos(round_trip_ns);
+        let round_trip = of_exchange(now, echo_ns, echo_hold_ns)?;
+        let round_trip_ns = round_trip.as_nanos() as u64;
         self.last = Some(round_trip);
 
         let peer_received = sent_ns as f64 - f64::from(echo_hold_ns);

@@ -83,6 +83,12 @@ pub struct HandleFrame {
 }
 
 impl HandleFrame {
+    /// How many bytes [`HandleFrame::encode`] writes.
+    #[must_use]
+    pub const fn encoded_len(&self) -> usize {
+        FIXED + sweeps::RECORD * self.sweeps.len()
+    }
+
     /// Writes the frame to the front of `buffer` and gives back the bytes written. Does not allocate.
     pub fn encode<'a>(&self, buffer: &'a mut [u8; MAX_FRAME]) -> &'a [u8] {
         let mut writer = Writer::new(buffer);

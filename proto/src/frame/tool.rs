@@ -1,9 +1,12 @@
 //! The frame that comes down: what the tool meets.
 
-use super::{Header, KIND_TOOL, MAX_FRAME, Sweeps};
+use super::{Header, KIND_TOOL, MAX_FRAME, Sweeps, header, sweeps};
 use crate::FrameError;
 use crate::bytes::{Reader, Writer};
 use crate::word::words;
+
+/// Bytes before the first relayed sweep.
+const FIXED: usize = header::LENGTH + 6 * 24 + 8 + 8 + 4 + 4 + 8 + sweeps::HEAD;
 
 words! {
     /// What the tool side's loop does.
@@ -95,6 +98,12 @@ pub struct ToolFrame {
 }
 
 impl ToolFrame {
+    /// How many bytes [`ToolFrame::encode`] writes.
+    #[must_use]
+    pub const fn encoded_len(&self) -> usize {
+        FIXED + sweeps::RECORD * self.relayed.len()
+    }
+
     /// Writes the frame to the front of `buffer` and gives back the bytes written. Does not allocate.
     pub fn encode<'a>(&self, buffer: &'a mut [u8; MAX_FRAME]) -> &'a [u8] {
         let mut writer = Writer::new(buffer);

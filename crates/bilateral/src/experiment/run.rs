@@ -223,8 +223,6 @@ impl CuttingExperiment {
                 ..LoopParameters::default()
             },
             clay: specimen.clay()?,
-            material: specimen.material()?,
-            tool: specimen.tool()?,
             intent: match inputs.push {
                 Push::AtSensor => Intent::sensor_force(force_n)?,
                 Push::ThroughArm => Intent::constant_force(force_n)?,

@@ -40,6 +40,7 @@ pub struct ForceGate {
     tank_j: f64,
     injected_j: f64,
     earned_j: f64,
+    step_n: f64,
 }
 
 impl ForceGate {
@@ -51,6 +52,7 @@ impl ForceGate {
             tank_j: 0.0,
             injected_j: 0.0,
             earned_j: 0.0,
+            step_n: 0.0,
         }
     }
 
@@ -65,6 +67,7 @@ impl ForceGate {
         self.earned_j += earned;
         self.tank_j = (self.tank_j + earned).min(self.limits.tank_j);
 
+        let before = self.held;
         self.held -= capped(self.held, self.limits.step_n);
         let injected = self.held.dot(&velocity) * tick_s;
         if 0.0 < injected {
@@ -77,7 +80,13 @@ impl ForceGate {
             self.tank_j -= drawn;
             self.injected_j += drawn;
         }
+        self.step_n = (self.held - before).norm();
         force + self.held
+    }
+
+    /// By how much the last tick changed the felt force on account of corrections, N.
+    pub fn step_n(&self) -> f64 {
+        self.step_n
     }
 
     /// Felt force less the copy's, N.

@@ -45,19 +45,48 @@ impl SweepInbox {
             return Novelty::Known;
         }
         self.ahead[word] |= bit;
-        loop {
-            let (word, bit) = place(self.complete.wrapping_add(1));
-            if self.ahead[word] & bit == 0 {
-                return Novelty::New;
+        self.run_on();
+        Novelty::New
+    }
+
+    /// As if nothing had come: the sender numbers anew, or says where it goes on ([`SweepInbox::skip_to`]).
+    pub fn restart(&mut self) {
+        self.complete = 0;
+        self.ahead.fill(0);
+    }
+
+    /// The sender keeps nothing older than `oldest`: what has not come by now will never come, because it cut clay that is gone.
+    pub fn skip_to(&mut self, oldest: u32) {
+        while self.complete.wrapping_add(1) < oldest {
+            let ahead = oldest - 1 - self.complete;
+            if WINDOW as u32 <= ahead {
+                // So far that every bit remembered is older.
+                self.ahead.fill(0);
+                self.complete = oldest - 1;
+            } else {
+                let (word, bit) = place(self.complete + 1);
+                self.ahead[word] &= !bit;
+                self.complete += 1;
             }
-            self.ahead[word] &= !bit;
-            self.complete += 1;
         }
+        self.run_on();
     }
 
     /// The number to acknowledge: everything up to it has come. 0 when the first is missing.
     pub fn complete(&self) -> u32 {
         self.complete
+    }
+
+    /// Moves the complete number over everything that has come next to it.
+    fn run_on(&mut self) {
+        loop {
+            let (word, bit) = place(self.complete.wrapping_add(1));
+            if self.ahead[word] & bit == 0 {
+                return;
+            }
+            self.ahead[word] &= !bit;
+            self.complete += 1;
+        }
     }
 }
 
@@ -96,6 +125,26 @@ mod tests {
         assert_eq!(inbox.complete(), 1);
     }
 
+    #[test]
+    fn what_the_sender_has_dropped_is_not_waited_for() {
+        let mut inbox = SweepInbox::default();
+        for sequence in [2, 5, 9] {
+            inbox.on_sweep(sequence);
+        }
+        inbox.skip_to(5);
+        assert_eq!(inbox.complete(), 5);
+        inbox.skip_to(3);
+        assert_eq!(inbox.complete(), 5);
+        inbox.skip_to(8);
+        assert_eq!(inbox.complete(), 7);
+        assert_eq!(inbox.on_sweep(8), Novelty::New);
+        assert_eq!(inbox.complete(), 9);
+        inbox.skip_to(9 + 3 * WINDOW as u32);
+        assert_eq!(inbox.complete(), 8 + 3 * WINDOW as u32);
+        assert_eq!(inbox.on_sweep(9 + 3 * WINDOW as u32), Novelty::New);
+        assert_eq!(inbox.complete(), 9 + 3 * WINDOW as u32);
+    }
+
     proptest! {
         /// Whatever is lost and whatever is late, each sweep is carried out exactly once, and in the end all are acknowledged.
         #[test]
@@ -103,12 +152,16 @@ mod tests {
             losses in prop::collection::vec(prop::bool::weighted(0.6), 400),
             echoes in prop::collection::vec(prop::bool::weighted(0.5), 400),
         ) {
+            const TICK: std::time::Duration = std::time::Duration::from_millis(1);
+            let mut now = crate::time::Timestamp::ZERO;
             let (mut log, mut inbox) = (SweepLog::default(), SweepInbox::default());
             let mut carried_out = Vec::new();
             for (lost, echo_lost) in losses.iter().zip(&echoes) {
                 log.push([0; 3], [1; 3]).unwrap();
                 let mut packet = Sweeps::default();
-                log.fill(&mut packet);
+                now = now.after(TICK);
+                log.fill(now, &mut packet);
+                log.on_sent(now, &packet);
                 if !lost {
                     carried_out.extend(packet.iter().filter(|s| inbox.on_sweep(s.sequence) == Novelty::New).map(|s| s.sequence));
                 }
@@ -116,9 +169,11 @@ mod tests {
                     log.on_acknowledged(inbox.complete());
                 }
             }
-            for _ in 0..400 {
+            for _ in 0..1000 {
                 let mut packet = Sweeps::default();
-                log.fill(&mut packet);
+                now = now.after(TICK);
+                log.fill(now, &mut packet);
+                log.on_sent(now, &packet);
                 carried_out.extend(packet.iter().filter(|s| inbox.on_sweep(s.sequence) == Novelty::New).map(|s| s.sequence));
                 log.on_acknowledged(inbox.complete());
             }

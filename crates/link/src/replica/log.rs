@@ -1,41 +1,69 @@
 //! The sender's half: sweeps in the order they were made, kept until they are acknowledged.
+//!
+//! A sweep goes into [`COPIES`] packets in a row, so that single losses cost no round trip. What is still not acknowledged after a round trip
+//! and a little was lost with all its copies, or its acknowledgement waits behind one that was: it goes out again, oldest first, as often as
+//! it takes. Half of every packet is for each of the two, so neither starves the other.
+
+use std::time::Duration;
 
 use teleclay_proto::frame::{MAX_SWEEPS, SweepRecord, Sweeps};
 
 use super::WINDOW;
+use crate::time::Timestamp;
 
-/// Share of a full packet for the newest sweeps. The rest goes round the older ones, so that a burst of losses is made up for while
-/// fresh cuts keep arriving at once.
-const NEWEST: u32 = MAX_SWEEPS as u32 / 2;
+/// Packets in a row that carry a fresh sweep. With every third packet lost, one sweep in a hundred needs more.
+const COPIES: u8 = 4;
+/// Slots of a packet that overdue sweeps may take, if fresh ones want the rest.
+const OVERDUE_SLOTS: usize = MAX_SWEEPS / 2;
+/// Sweeps looked at for a packet: what is overdue is found within a few packets, however many wait.
+const LOOKS: u32 = 256;
+/// An acknowledgement is awaited this much longer than the round trip, for jitter and both sides' ticks.
+const PATIENCE: Duration = Duration::from_millis(20);
+/// Round trip before one is known.
+const UNKNOWN_ROUND_TRIP: Duration = Duration::from_millis(100);
 
 /// [`WINDOW`] sweeps wait for acknowledgement: whoever cuts has to stop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{WINDOW} sweeps wait for acknowledgement")]
 pub struct LogFull;
 
+/// A sweep and what became of it.
+#[derive(Clone, Copy, Debug)]
+struct Entry {
+    record: SweepRecord,
+    copies: u8,
+    sent_at: Timestamp,
+}
+
 /// Sweeps that are not yet acknowledged. Numbers start at 1 and go up by one a sweep; 0 is never one.
 #[derive(Clone, Debug)]
 pub struct SweepLog {
-    records: Box<[SweepRecord]>,
+    entries: Box<[Entry]>,
     /// Number of the oldest that waits; equal to `next` when none does.
     oldest: u32,
     next: u32,
-    /// Where the round over the older ones goes on.
+    /// Where the search for overdue ones goes on.
     round: u32,
+    round_trip: Duration,
 }
 
 impl Default for SweepLog {
     fn default() -> Self {
-        let none = SweepRecord {
-            sequence: 0,
-            from: [0; 3],
-            to: [0; 3],
+        let none = Entry {
+            record: SweepRecord {
+                sequence: 0,
+                from: [0; 3],
+                to: [0; 3],
+            },
+            copies: 0,
+            sent_at: Timestamp::ZERO,
         };
         Self {
-            records: vec![none; WINDOW].into_boxed_slice(),
+            entries: vec![none; WINDOW].into_boxed_slice(),
             oldest: 1,
             next: 1,
             round: 1,
+            round_trip: UNKNOWN_ROUND_TRIP,
         }
     }
 }
@@ -50,7 +78,11 @@ impl SweepLog {
             return Err(LogFull);
         }
         let sequence = self.next;
-        self.records[slot(sequence)] = SweepRecord { sequence, from, to };
+        self.entries[slot(sequence)] = Entry {
+            record: SweepRecord { sequence, from, to },
+            copies: 0,
+            sent_at: Timestamp::ZERO,
+        };
         self.next += 1;
         Ok(sequence)
     }
@@ -60,6 +92,22 @@ impl SweepLog {
         if self.oldest <= sequence && sequence < self.next {
             self.oldest = sequence + 1;
         }
+    }
+
+    /// Everything that waits is given up: the clay it cut is gone. Numbers go on.
+    pub fn give_up(&mut self) {
+        self.oldest = self.next;
+    }
+
+    /// Every sweep so far was acknowledged up to and including this number; 0 when none was.
+    pub fn acknowledged(&self) -> u32 {
+        self.oldest - 1
+    }
+
+    /// A sweep by its number, acknowledged or not, as long as it is among the last [`WINDOW`].
+    pub fn record(&self, sequence: u32) -> Option<&SweepRecord> {
+        let record = &self.entries[slot(sequence)].record;
+        (0 < sequence && record.sequence == sequence).then_some(record)
     }
 
     /// Sweeps that wait for acknowledgement.
@@ -72,34 +120,71 @@ impl SweepLog {
         self.next - 1
     }
 
-    /// Writes what the next packet carries: everything that waits if it fits; else the newest half, and the older ones in turn.
-    pub fn fill(&mut self, sweeps: &mut Sweeps) {
+    /// The line's round trip, as last measured.
+    pub fn on_round_trip(&mut self, round_trip: Duration) {
+        self.round_trip = round_trip;
+    }
+
+    /// Sweeps that no packet has carried yet.
+    pub fn unsent(&self) -> usize {
+        self.newest_first()
+            .take_while(|entry| entry.copies == 0)
+            .count()
+    }
+
+    /// Writes what the next packet carries. It counts as sent only when [`SweepLog::on_sent`] says so.
+    pub fn fill(&mut self, now: Timestamp, sweeps: &mut Sweeps) {
         sweeps.clear();
         sweeps.oldest_unacknowledged = self.oldest;
-        let all_fit = self.waiting() <= MAX_SWEEPS;
-        let newest_from = if all_fit {
-            self.oldest
-        } else {
-            self.next - NEWEST
-        };
-        for sequence in newest_from..self.next {
+        let fresh = self
+            .newest_first()
+            .take_while(|entry| entry.copies < COPIES)
+            .take(MAX_SWEEPS)
+            .count();
+        let overdue_slots = OVERDUE_SLOTS.max(MAX_SWEEPS - fresh);
+        self.fill_overdue(now, self.next - fresh as u32, overdue_slots, sweeps);
+        let fresh = fresh.min(MAX_SWEEPS - sweeps.len()) as u32;
+        for sequence in self.next - fresh..self.next {
             self.write(sequence, sweeps);
         }
-        if all_fit {
-            return;
+    }
+
+    /// The packet last filled went out.
+    pub fn on_sent(&mut self, now: Timestamp, sweeps: &Sweeps) {
+        for record in sweeps {
+            let entry = &mut self.entries[slot(record.sequence)];
+            entry.copies = entry.copies.saturating_add(1);
+            entry.sent_at = now;
         }
-        for _ in 0..MAX_SWEEPS as u32 - NEWEST {
-            if !(self.oldest..newest_from).contains(&self.round) {
+    }
+
+    /// Those before number `end` that were sent long ago, or that newer ones crowded out before they were ever sent.
+    fn fill_overdue(&mut self, now: Timestamp, end: u32, slots: usize, sweeps: &mut Sweeps) {
+        let wait = self.round_trip.mul_f64(1.25) + PATIENCE;
+        for _ in 0..LOOKS.min(end - self.oldest) {
+            if slots <= sweeps.len() {
+                return;
+            }
+            if !(self.oldest..end).contains(&self.round) {
                 self.round = self.oldest;
             }
-            self.write(self.round, sweeps);
+            let entry = &self.entries[slot(self.round)];
+            if entry.copies == 0 || wait <= now.since(entry.sent_at) {
+                self.write(self.round, sweeps);
+            }
             self.round += 1;
         }
     }
 
+    fn newest_first(&self) -> impl Iterator<Item = &Entry> {
+        (self.oldest..self.next)
+            .rev()
+            .map(|sequence| &self.entries[slot(sequence)])
+    }
+
     fn write(&self, sequence: u32, sweeps: &mut Sweeps) {
         // `fill` writes MAX_SWEEPS at most.
-        let _ = sweeps.push(self.records[slot(sequence)]);
+        let _ = sweeps.push(self.entries[slot(sequence)].record);
     }
 }
 
@@ -111,10 +196,29 @@ fn slot(sequence: u32) -> usize {
 mod tests {
     use super::*;
 
-    fn sequences(log: &mut SweepLog) -> Vec<u32> {
-        let mut sweeps = Sweeps::default();
-        log.fill(&mut sweeps);
-        sweeps.iter().map(|sweep| sweep.sequence).collect()
+    const TICK: Duration = Duration::from_millis(1);
+
+    /// Packets that a log sends, one a tick.
+    struct Line {
+        log: SweepLog,
+        now: Timestamp,
+    }
+
+    impl Line {
+        fn of(count: u32) -> Self {
+            Self {
+                log: log_of(count),
+                now: Timestamp::ZERO.after(TICK),
+            }
+        }
+
+        fn packet(&mut self) -> Vec<u32> {
+            let mut sweeps = Sweeps::default();
+            self.log.fill(self.now, &mut sweeps);
+            self.log.on_sent(self.now, &sweeps);
+            self.now = self.now.after(TICK);
+            sweeps.iter().map(|sweep| sweep.sequence).collect()
+        }
     }
 
     fn log_of(count: u32) -> SweepLog {
@@ -126,30 +230,55 @@ mod tests {
     }
 
     #[test]
-    fn what_fits_goes_in_order_until_acknowledged() {
-        let mut log = log_of(5);
-        assert_eq!(sequences(&mut log), [1, 2, 3, 4, 5]);
-        log.on_acknowledged(3);
-        assert_eq!(sequences(&mut log), [4, 5]);
-        log.on_acknowledged(2);
-        log.on_acknowledged(99);
-        assert_eq!(
-            log.waiting(),
-            2,
-            "an old or impossible acknowledgement counts for nothing"
-        );
+    fn a_fresh_sweep_goes_out_in_a_row_and_again_when_it_is_overdue() {
+        let mut line = Line::of(3);
+        line.log.on_round_trip(TICK * 80);
+        for _ in 0..COPIES {
+            assert_eq!(line.packet(), [1, 2, 3]);
+        }
+        // 1.25 round trips and 20 ms after the last copy.
+        for _ in 1..120 {
+            assert!(line.packet().is_empty());
+        }
+        line.log.on_acknowledged(1);
+        assert_eq!(line.packet(), [2, 3]);
+        assert!(line.packet().is_empty());
     }
 
     #[test]
-    fn when_too_many_wait_the_newest_go_first_and_every_older_one_gets_its_turn() {
-        let mut log = log_of(500);
-        let mut carried = std::collections::HashSet::new();
-        for _ in 0..(500 - NEWEST).div_ceil(MAX_SWEEPS as u32 - NEWEST) {
-            let packet = sequences(&mut log);
-            assert!((500 - NEWEST + 1..=500).all(|newest| packet.contains(&newest)));
-            carried.extend(packet);
+    fn an_acknowledgement_that_cannot_be_counts_for_nothing() {
+        let mut log = log_of(5);
+        log.on_acknowledged(3);
+        log.on_acknowledged(2);
+        log.on_acknowledged(99);
+        assert_eq!(log.waiting(), 2);
+    }
+
+    #[test]
+    fn what_was_filled_and_not_sent_does_not_count() {
+        let mut line = Line::of(2);
+        for _ in 0..10 {
+            line.log.fill(line.now, &mut Sweeps::default());
         }
-        assert_eq!(carried.len(), 500);
+        assert_eq!(line.log.unsent(), 2);
+        assert_eq!(line.packet(), [1, 2]);
+        assert_eq!(line.log.unsent(), 0);
+    }
+
+    #[test]
+    fn overdue_sweeps_and_fresh_ones_share_the_packets() {
+        let mut line = Line::of(500);
+        for _ in 0..2000 {
+            line.packet();
+        }
+        let mut carried = std::collections::HashSet::new();
+        for k in 0..200 {
+            let number = line.log.push([k, 1, 0], [k + 1, 1, 0]).unwrap();
+            let packet = line.packet();
+            assert!(packet.contains(&number), "a fresh sweep has to wait");
+            carried.extend(packet.into_iter().filter(|number| *number <= 500));
+        }
+        assert_eq!(carried.len(), 500, "an overdue sweep has to wait");
     }
 
     #[test]

@@ -16,9 +16,11 @@
 use teleclay_control::State;
 use teleclay_proto::frame::{HandleFrame, ToolFrame};
 
-use super::{Coupling, HandleEnd, HandlePort, Recovery, ToolEnd, ToolPort};
+use super::{Coupling, HandleEnd, HandlePort, ToolEnd, ToolPort};
 use crate::Vec3;
+use crate::deadband::Signal;
 use crate::time::Timestamp;
+use crate::travel::Recovery;
 
 /// The handle's end: what it feels is the clay's force as last received.
 #[derive(Clone, Debug)]
@@ -46,7 +48,11 @@ impl HandleEnd for ForceExchangeHandle {
         self.coupling.felt(self.clay_force)
     }
 
-    fn fill(&self, _frame: &mut HandleFrame) {}
+    fn fill(&mut self, _frame: &mut HandleFrame) {}
+
+    fn signal(&self, frame: &HandleFrame) -> Option<Signal> {
+        Some(Signal::force(Vec3::from(frame.hand_force_n)))
+    }
 }
 
 /// The tool's end: a model of the handle's admittance, driven by the hand's force as last received and the clay's own.
@@ -100,5 +106,9 @@ impl ToolEnd for ForceExchangeTool {
         Recovery::Incremental
     }
 
-    fn fill(&self, _frame: &mut ToolFrame) {}
+    fn fill(&mut self, _frame: &mut ToolFrame) {}
+
+    fn signal(&self, frame: &ToolFrame) -> Option<Signal> {
+        Some(Signal::force(Vec3::from(frame.force_n)))
+    }
 }

@@ -7,8 +7,25 @@
 //! Positions at both ports are displacements: the handle's from its home, the tool's from the point of the clay that the home maps
 //! to. Signs are those of [KHMH03]: the clay's force on the tool opposes its motion, and the force ratio `A_h2` is negative, so the hand
 //! feels `f_t / |A_h2|`.
+//!
+//! | scheme | goes up | comes down | under delay |
+//! |---|---|---|---|
+//! | [`force_exchange`] | hand force | clay force | mostly stable, hand and tool drift apart |
+//! | [`position_force`] | position | clay force | unstable beyond a margin |
+//! | [`wave`] | wave | wave | passive, softer by `D / b` |
+//! | [`tdpa`] | velocity, position, energy | clay force, energy | passive, damps what it cannot afford |
+//! | [`replica`] | cuts | what became of them, others' cuts | not felt; the server's clay follows a delay later |
+//!
+//! For passivity every port tells true work: how far it moved over a tick, and the force that was really applied meanwhile, after all
+//! limits and ramps. A scheme that reckons with what it wished for would be passive on paper only.
 
-mod force_exchange;
+pub mod force_exchange;
+pub mod position_force;
+pub mod replica;
+pub mod tdpa;
+pub mod wave;
+
+use std::sync::Arc;
 
 use teleclay_control::DiscreteStateSpace;
 use teleclay_proto::Scheme;
@@ -17,7 +34,14 @@ use teleclay_proto::frame::{HandleFrame, ToolFrame};
 use crate::Vec3;
 use crate::time::Timestamp;
 
-pub use force_exchange::{ForceExchangeHandle, ForceExchangeTool};
+use crate::deadband::Signal;
+use crate::replica::{Cut, Workplace};
+use crate::travel::Recovery;
+use force_exchange::{ForceExchangeHandle, ForceExchangeTool};
+use position_force::{PositionForceHandle, PositionForceTool};
+use replica::{Merged, ReplicaHandle, ReplicaTool, Site, Turn};
+use tdpa::{TdpaHandle, TdpaTool};
+use wave::{WaveHandle, WaveTool};
 
 /// What is measured at the handle's port at one tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -28,6 +52,10 @@ pub struct HandlePort {
     pub velocity: Vec3,
     /// Net hand force at the sensor, N.
     pub hand_force: Vec3,
+    /// How far it moved since the last tick, m; zero on axes that reflect no force.
+    pub displacement: Vec3,
+    /// What the hand felt meanwhile, N, after all limits.
+    pub felt_force: Vec3,
 }
 
 /// What is measured at the tool's port at one tick.
@@ -37,8 +65,10 @@ pub struct ToolPort {
     pub position: Vec3,
     /// Its rate, m/s.
     pub velocity: Vec3,
-    /// Force of the clay on the tool, N.
+    /// Force of the clay on the tool, N: its answer to the last displacement. Zero on axes that reflect no force.
     pub clay_force: Vec3,
+    /// How far the tool moved in the last tick, m; zero on axes that reflect no force.
+    pub displacement: Vec3,
 }
 
 /// What both ends of every scheme know: the ratios, and the admittance `P = G_h C_h1` that the paper's scheme shares.
@@ -54,12 +84,26 @@ pub struct Coupling {
     pub admittance: DiscreteStateSpace,
     /// `G_h` by zero-order hold, axis by axis.
     pub servo: [DiscreteStateSpace; 3],
+    /// `M_t`: mass that the tool has where a scheme lets it move by force, kg.
+    pub tool_mass_kg: f64,
+    /// `b` of the wave scheme, N s/m, above zero.
+    pub wave_impedance_n_s_per_m: f64,
 }
 
 impl Coupling {
     /// What the hand feels of a force of the clay on the tool, N.
     pub fn felt(&self, clay_force: Vec3) -> Vec3 {
         clay_force / -self.force_ratio
+    }
+
+    /// Clay's joules for one of the handle's, `A_h1 |A_h2|`.
+    pub fn power_ratio(&self) -> f64 {
+        self.position_ratio * -self.force_ratio
+    }
+
+    /// The tool's mass as the handle's port sees it, kg.
+    pub fn felt_mass_kg(&self) -> f64 {
+        self.tool_mass_kg * self.position_ratio / -self.force_ratio
     }
 }
 
@@ -68,11 +112,40 @@ pub trait HandleEnd: Send {
     /// A frame newer than all before it came.
     fn on_frame(&mut self, now: Timestamp, frame: &ToolFrame);
 
+    /// A frame came after a newer one, or came again. Only a scheme that plays samples in their order wants it.
+    fn on_straggler(&mut self, _now: Timestamp, _frame: &ToolFrame) {}
+
     /// The force on the hand for this tick, N, before limits and ramps.
     fn reaction(&mut self, now: Timestamp, port: &HandlePort) -> Vec3;
 
+    /// Whether what is felt comes from frames, so that the watchdog must take it away when they stop.
+    fn needs_frames(&self) -> bool {
+        true
+    }
+
     /// Writes what this scheme sends beyond pose and force.
-    fn fill(&self, frame: &mut HandleFrame);
+    fn fill(&mut self, frame: &mut HandleFrame);
+
+    /// What of this frame the other end works with, for a deadband; `None` where it needs every tick.
+    fn signal(&self, frame: &HandleFrame) -> Option<Signal>;
+
+    /// Whether the frame has to go out whatever the deadband says.
+    fn has_urgent_news(&self) -> bool {
+        false
+    }
+
+    /// The frame went out, just as it was filled last.
+    fn on_sent(&mut self, _frame: &HandleFrame) {}
+
+    /// The end itself, where it keeps a copy of the clay.
+    fn replica(&self) -> Option<&ReplicaHandle> {
+        None
+    }
+
+    /// Likewise, to give it a picture.
+    fn replica_mut(&mut self) -> Option<&mut ReplicaHandle> {
+        None
+    }
 }
 
 /// A scheme's end at the tool.
@@ -80,9 +153,20 @@ pub trait ToolEnd: Send {
     /// A frame newer than all before it came.
     fn on_frame(&mut self, now: Timestamp, frame: &HandleFrame);
 
+    /// A frame came after a newer one, or came again. Only a scheme that plays samples in their order wants it.
+    fn on_straggler(&mut self, _now: Timestamp, _frame: &HandleFrame) {}
+
+    /// One tick of a tool that the handle's sweeps lead. `None` where they do not: then the tool follows [`ToolEnd::reference`].
+    fn merge(&mut self, _now: Timestamp, _port: &ToolPort, _site: Site<'_>) -> Option<Merged> {
+        None
+    }
+
     /// Where the tool should be one tick later, m. `remote_gain` is the watchdog's, 0 to 1; it scales whatever the scheme makes of
     /// old news.
     fn reference(&mut self, now: Timestamp, port: &ToolPort, remote_gain: f64) -> Vec3;
+
+    /// The tool has moved, perhaps otherwise than the reference wished, and the clay has answered.
+    fn moved(&mut self, _port: &ToolPort) {}
 
     /// Starts anew with the handle at `handle_position`, m, at rest.
     fn reindex(&mut self, handle_position: Vec3);
@@ -90,62 +174,73 @@ pub trait ToolEnd: Send {
     /// How the tool gets back to the reference after it was held.
     fn recovery(&self) -> Recovery;
 
+    /// The clay was exchanged for a fresh block; `reindex` follows.
+    fn on_fresh_block(&mut self, _epoch: u32) {}
+
+    /// The tool works elsewhere from now on.
+    fn move_to(&mut self, _workplace: &Arc<Workplace>) {}
+
+    /// Another tool has cut the clay.
+    fn relay(&mut self, _cut: Cut) {}
+
     /// Writes what this scheme sends beyond pose and force.
-    fn fill(&self, frame: &mut ToolFrame);
-}
+    fn fill(&mut self, frame: &mut ToolFrame);
 
-/// What a reference means after a pause or a silence.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Recovery {
-    /// It is where the handle is: the tool goes there, slowly.
-    Absolute,
-    /// It is a sum of increments: where it stands is as good as anywhere, so the tool goes on from where it was held.
-    Incremental,
-}
+    /// What of this frame the other end works with, for a deadband; `None` where it needs every tick.
+    fn signal(&self, frame: &ToolFrame) -> Option<Signal>;
 
-/// Why a scheme cannot be had here.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("scheme {scheme} is not available, have force_exchange")]
-pub struct SchemeUnavailable {
-    /// As asked for.
-    pub scheme: Scheme,
-}
-
-/// Whether a scheme can be had.
-///
-/// # Errors
-/// The scheme is not available.
-pub fn availability(scheme: Scheme) -> Result<(), SchemeUnavailable> {
-    match scheme {
-        Scheme::ForceExchange => Ok(()),
-        _ => Err(SchemeUnavailable { scheme }),
+    /// Whether the frame has to go out whatever the deadband says.
+    fn has_urgent_news(&self) -> bool {
+        false
     }
+
+    /// The frame went out, just as it was filled last.
+    fn on_sent(&mut self, _frame: &ToolFrame) {}
+}
+
+/// What a session's schemes are made from.
+#[derive(Clone, Debug)]
+pub struct Ground {
+    /// Ratios and plants.
+    pub coupling: Coupling,
+    /// Tool, clay and bounds, for schemes that work them at both ends.
+    pub workplace: Arc<Workplace>,
 }
 
 /// The handle's end of a scheme, at rest.
-///
-/// # Errors
-/// The scheme is not available.
-pub fn handle_end(
-    scheme: Scheme,
-    coupling: &Coupling,
-) -> Result<Box<dyn HandleEnd>, SchemeUnavailable> {
+pub fn handle_end(scheme: Scheme, ground: &Ground) -> Box<dyn HandleEnd> {
+    let coupling = ground.coupling.clone();
     match scheme {
-        Scheme::ForceExchange => Ok(Box::new(ForceExchangeHandle::new(coupling.clone()))),
-        _ => Err(SchemeUnavailable { scheme }),
+        Scheme::ForceExchange => Box::new(ForceExchangeHandle::new(coupling)),
+        Scheme::PositionForce => Box::new(PositionForceHandle::new(coupling)),
+        Scheme::Wave => Box::new(WaveHandle::new(&coupling)),
+        Scheme::Tdpa => Box::new(TdpaHandle::new(coupling)),
+        Scheme::Replica => Box::new(ReplicaHandle::new(coupling, Arc::clone(&ground.workplace))),
     }
 }
 
 /// The tool's end of a scheme, at rest with the handle at home.
-///
-/// # Errors
-/// The scheme is not available.
-pub fn tool_end(
-    scheme: Scheme,
-    coupling: &Coupling,
-) -> Result<Box<dyn ToolEnd>, SchemeUnavailable> {
+pub fn tool_end(scheme: Scheme, ground: &Ground, turn: Turn) -> Box<dyn ToolEnd> {
+    let coupling = ground.coupling.clone();
     match scheme {
-        Scheme::ForceExchange => Ok(Box::new(ForceExchangeTool::new(coupling.clone()))),
-        _ => Err(SchemeUnavailable { scheme }),
+        Scheme::ForceExchange => Box::new(ForceExchangeTool::new(coupling)),
+        Scheme::PositionForce => Box::new(PositionForceTool::new(&coupling)),
+        Scheme::Wave => Box::new(WaveTool::new(coupling)),
+        Scheme::Tdpa => Box::new(TdpaTool::new(coupling)),
+        Scheme::Replica => Box::new(ReplicaTool::new(
+            coupling,
+            Arc::clone(&ground.workplace),
+            turn,
+        )),
     }
+}
+
+/// How steeply the clay resists, N s/m: the slope of `resistance` (N, positive against the motion) over `velocity` from the last tick. Exact for viscous
+/// clay; zero where the clay does not take energy.
+pub(crate) fn resistance_slope(resistance: Vec3, velocity: Vec3) -> f64 {
+    let speed_squared = velocity.norm_squared();
+    if speed_squared < 1e-18 {
+        return 0.0;
+    }
+    (resistance.dot(&velocity) / speed_squared).max(0.0)
 }

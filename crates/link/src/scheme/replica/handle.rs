@@ -1,0 +1,473 @@
+//! The handle's end: a tool in a copy of the clay.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use teleclay_clay::{Clay, Pose};
+use teleclay_proto::Scheme;
+use teleclay_proto::frame::{CopyState, HandleFrame, LoopStatus, SweepRecord, ToolFrame};
+
+use super::STALE;
+use crate::Vec3;
+use crate::deadband::Signal;
+use crate::replica::{Copy, Cut, Edge, Novelty, SweepInbox, SweepLog, WINDOW, Workplace};
+use crate::round_trip;
+use crate::scheme::tdpa::TdpaHandle;
+use crate::scheme::{Coupling, HandleEnd, HandlePort};
+use crate::time::Timestamp;
+use crate::travel::{Recovery, Travel, Wish};
+
+/// A picture may be older than the request for it by this much: the server takes it from a mirror that follows its clay.
+const PICTURE_LAG: Duration = Duration::from_millis(500);
+/// Pictures are asked for no more often than this.
+const PICTURE_EVERY: Duration = Duration::from_secs(1);
+/// Cuts repeated on a fresh picture in one tick at most.
+const REPEATS_A_TICK: usize = 24;
+/// With perceptual coding a frame goes out when this many sweeps wait for their first: a third of what a frame carries, so that every one goes out
+/// three times at least while the line is short.
+const SWEEPS_DUE: usize = 8;
+
+/// Asks the shell for a picture of the server's clay.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct WantedPicture {
+    /// Which request this is; a new number is a new request.
+    pub number: u32,
+    /// The block that it should show.
+    pub epoch: u32,
+}
+
+/// A picture of the server's clay.
+pub struct Picture {
+    /// The clay.
+    pub clay: Box<Clay>,
+    /// Which block it is.
+    pub epoch: u32,
+}
+
+#[derive(Clone, Copy)]
+struct Request {
+    wanted: WantedPicture,
+    at: Timestamp,
+    /// Own sweeps up to this number were acknowledged then.
+    acknowledged: u32,
+}
+
+/// Cuts to be repeated on a fresh picture, newest first: own ones above `own_floor`, others' that came after `since`.
+#[derive(Clone, Copy)]
+struct Rebuild {
+    own_next: u32,
+    own_floor: u32,
+    others_next: u64,
+    since: Timestamp,
+}
+
+/// The handle's end.
+pub struct ReplicaHandle {
+    coupling: Coupling,
+    workplace: Arc<Workplace>,
+    fallback: TdpaHandle,
+    copy: Option<Copy>,
+    travel: Travel,
+    log: SweepLog,
+    /// Number of the last sweep that changed the copy.
+    changed_by: u32,
+    /// First sweep of the present block.
+    epoch_from: u32,
+    inbox: SweepInbox,
+    others: Recent,
+    rebuild: Option<Rebuild>,
+    epoch: u32,
+    status: LoopStatus,
+    gain: f64,
+    last_frame: Option<Timestamp>,
+    /// Displacement of the server's tool as last received, m.
+    far_tool: Option<Vec3>,
+    refused: u32,
+    is_diverged: bool,
+    is_stale: bool,
+    request: Option<Request>,
+    requests: u32,
+    asked_at: Option<Timestamp>,
+    retired: Option<Box<Clay>>,
+}
+
+impl ReplicaHandle {
+    /// Without a copy yet.
+    pub fn new(coupling: Coupling, workplace: Arc<Workplace>) -> Self {
+        Self {
+            fallback: TdpaHandle::new(coupling.clone()),
+            coupling,
+            copy: None,
+            travel: Travel::new(workplace.travel),
+            workplace,
+            log: SweepLog::default(),
+            changed_by: 0,
+            epoch_from: 1,
+            inbox: SweepInbox::default(),
+            others: Recent::default(),
+            rebuild: None,
+            epoch: 0,
+            status: LoopStatus::Idle,
+            gain: 0.0,
+            last_frame: None,
+            far_tool: None,
+            refused: 0,
+            is_diverged: false,
+            is_stale: false,
+            request: None,
+            requests: 0,
+            asked_at: None,
+            retired: None,
+        }
+    }
+
+    /// What the copy is good for.
+    pub fn state(&self) -> CopyState {
+        match &self.copy {
+            None => CopyState::None,
+            Some(_) if self.is_stale => CopyState::Stale,
+            Some(_) if self.is_diverged => CopyState::Diverged,
+            Some(_) => CopyState::Live,
+        }
+    }
+
+    /// The copy, if there is one.
+    pub fn copy(&self) -> Option<&Copy> {
+        self.copy.as_ref()
+    }
+
+    /// The sweeps made here.
+    pub fn log(&self) -> &SweepLog {
+        &self.log
+    }
+
+    /// The picture that the shell should ask the server for, until it has come.
+    pub fn wanted_picture(&self) -> Option<WantedPicture> {
+        self.request.map(|request| request.wanted)
+    }
+
+    /// A picture came. What it replaces, or the picture itself if it shows another block, waits to be dropped elsewhere, see
+    /// [`ReplicaHandle::take_retired`].
+    pub fn on_picture(&mut self, picture: Picture) {
+        if self.epoch == 0 {
+            // It came with the lease, before the first frame.
+            self.epoch = picture.epoch;
+        }
+        if picture.epoch != self.epoch {
+            self.retired = Some(picture.clay);
+            return;
+        }
+        let request = self.request.take();
+        let lag_ns = PICTURE_LAG.as_nanos() as u64;
+        let since = request.map_or(Timestamp::ZERO, |request| {
+            Timestamp::from_nanos(request.at.as_nanos().saturating_sub(lag_ns))
+        });
+        let lag_sweeps = (PICTURE_LAG.as_secs_f64() / self.workplace.travel.tick_s) as u32;
+        let acknowledged = request.map_or(0, |request| request.acknowledged);
+        self.rebuild = Some(Rebuild {
+            own_next: self.log.last(),
+            own_floor: acknowledged
+                .saturating_sub(lag_sweeps)
+                .max(self.epoch_from - 1),
+            others_next: self.others.count,
+            since,
+        });
+        self.is_diverged = false;
+        if let Some(copy) = &mut self.copy {
+            self.retired = Some(copy.exchange(picture.clay));
+            return;
+        }
+        if let Some(far_tool) = self.far_tool {
+            self.travel.put(far_tool);
+        }
+        let at = self.workplace.home + self.travel.at();
+        // Within reach, so on the lattice.
+        let pose = Pose::quantise(at.into()).unwrap_or_default();
+        self.copy = Some(Copy::new(
+            picture.clay,
+            picture.epoch,
+            pose,
+            &self.workplace,
+        ));
+        self.gain = 0.0;
+    }
+
+    /// Clay that is not needed any more, to be dropped where that costs nobody a tick.
+    pub fn take_retired(&mut self) -> Option<Box<Clay>> {
+        self.retired.take()
+    }
+
+    /// Another tool, another place, or other clay, from now on.
+    pub fn move_to(&mut self, workplace: &Arc<Workplace>) {
+        self.travel.limit(workplace.travel);
+        self.workplace = Arc::clone(workplace);
+    }
+
+    fn take_relayed(&mut self, now: Timestamp, frame: &ToolFrame) {
+        self.inbox.skip_to(frame.relayed.oldest_unacknowledged);
+        for record in &frame.relayed {
+            let has_room = self.copy.as_ref().is_none_or(Copy::has_room);
+            if !has_room {
+                // Not noted as come, so it will be repeated.
+                return;
+            }
+            if self.inbox.on_sweep(record.sequence) != Novelty::New {
+                continue;
+            }
+            let cut = cut_of(record);
+            self.others.push(now, cut);
+            if let Some(copy) = &mut self.copy {
+                copy.correct(cut);
+            }
+        }
+    }
+
+    fn start_epoch(&mut self, now: Timestamp, epoch: u32) {
+        self.epoch = epoch;
+        self.log.give_up();
+        self.inbox.restart();
+        self.epoch_from = self.log.last() + 1;
+        self.changed_by = self.log.last();
+        self.others = Recent::default();
+        self.rebuild = None;
+        self.is_diverged = false;
+        if let Some(copy) = self.copy.take() {
+            self.retired = Some(copy.into_clay());
+        }
+        self.ask_for_picture(now);
+    }
+
+    fn ask_for_picture(&mut self, now: Timestamp) {
+        self.requests = self.requests.wrapping_add(1);
+        self.asked_at = Some(now);
+        self.request = Some(Request {
+            wanted: WantedPicture {
+                number: self.requests,
+                epoch: self.epoch,
+            },
+            at: now,
+            acknowledged: self.log.acknowledged(),
+        });
+    }
+
+    /// Looks whether the two clays are one, where that can be told.
+    fn compare(&mut self, frame: &ToolFrame) {
+        if frame.sweeps_refused != self.refused {
+            self.refused = frame.sweeps_refused;
+            self.is_diverged |= self.copy.is_some();
+        }
+        let Some(copy) = &self.copy else { return };
+        let is_under_way = self.rebuild.is_some()
+            || copy.has_corrections()
+            || !frame.relayed.is_empty()
+            || self.inbox.complete() + 1 != frame.relayed.oldest_unacknowledged
+            || frame.sweeps_acknowledged < self.changed_by;
+        if is_under_way || frame.clay_hash == 0 {
+            return;
+        }
+        if let Some(hash) = copy.hash() {
+            self.is_diverged = hash != frame.clay_hash;
+        }
+    }
+
+    /// Repeats a few of the cuts that a fresh picture may not have.
+    fn go_on_rebuilding(&mut self) {
+        let (Some(copy), Some(rebuild)) = (&mut self.copy, &mut self.rebuild) else {
+            return;
+        };
+        for _ in 0..REPEATS_A_TICK {
+            let own = (rebuild.own_floor < rebuild.own_next)
+                .then(|| self.log.record(rebuild.own_next))
+                .flatten();
+            if let Some(record) = own {
+                copy.carve(&self.workplace, cut_of(record));
+                rebuild.own_next -= 1;
+                continue;
+            }
+            let other = rebuild
+                .others_next
+                .checked_sub(1)
+                .and_then(|number| self.others.at(number));
+            match other {
+                Some((came, cut)) if rebuild.since <= came => {
+                    copy.carve(&self.workplace, cut);
+                    rebuild.others_next -= 1;
+                }
+                _ => {
+                    self.rebuild = None;
+                    return;
+                }
+            }
+        }
+    }
+
+    /// Whether the copy may be cut in this tick.
+    fn edge(&mut self, now: Timestamp) -> Edge {
+        // A copy that was given on joining waits for its first frame no longer than for any other.
+        let is_silent = STALE < now.since(*self.last_frame.get_or_insert(now));
+        // A log with a fifth of its room left is full: a sweep that finds no room would be felt here and never cut there.
+        self.is_stale = is_silent || WINDOW - WINDOW / 5 < self.log.waiting();
+        let works = matches!(self.status, LoopStatus::Running | LoopStatus::Idle);
+        if works && !self.is_stale {
+            Edge::Cutting
+        } else {
+            Edge::Blunt
+        }
+    }
+
+    fn local_reaction(&mut self, now: Timestamp, port: &HandlePort) -> Vec3 {
+        self.go_on_rebuilding();
+        let edge = self.edge(now);
+        let tick_s = self.workplace.travel.tick_s;
+        let works = matches!(self.status, LoopStatus::Running | LoopStatus::Idle);
+        let change = tick_s / self.workplace.ramp_s;
+        self.gain = (self.gain + if works { change } else { -change }).clamp(0.0, 1.0);
+
+        let before = self.travel.at();
+        let reference = port.position * self.coupling.position_ratio;
+        let wish = Wish {
+            reference,
+            recovery: Recovery::Absolute,
+            lift_m: self.workplace.is_lifted.then_some(reference.z),
+        };
+        let at = self.travel.step(wish, self.gain);
+        let velocity = (at - before) / tick_s;
+        let Some(copy) = &mut self.copy else {
+            return Vec3::zeros();
+        };
+        // Within reach, so on the lattice.
+        let to = Pose::quantise((self.workplace.home + at).into()).unwrap_or(copy.pose());
+        let worked = copy.step(&self.workplace, to, velocity, edge);
+        if let Some(cut) = worked.cut {
+            // `edge` keeps room.
+            if let Ok(number) = self.log.push(cut.from.steps(), cut.to.steps())
+                && worked.has_changed_clay
+            {
+                self.changed_by = number;
+            }
+        }
+        self.coupling.felt(worked.force)
+    }
+}
+
+impl HandleEnd for ReplicaHandle {
+    fn on_frame(&mut self, now: Timestamp, frame: &ToolFrame) {
+        if frame.header.scheme != Scheme::Replica {
+            return;
+        }
+        self.fallback.take_in(frame);
+        self.last_frame = Some(now);
+        self.status = frame.status;
+        self.far_tool = Some(Vec3::from(frame.position_m) - self.workplace.home);
+        self.log.on_acknowledged(frame.sweeps_acknowledged);
+        let header = &frame.header;
+        if let Some(round_trip) = round_trip::of_exchange(now, header.echo_ns, header.echo_hold_ns)
+        {
+            self.log.on_round_trip(round_trip);
+        }
+        if frame.header.clay_epoch != self.epoch {
+            self.start_epoch(now, frame.header.clay_epoch);
+        }
+        self.take_relayed(now, frame);
+        self.compare(frame);
+        let may_ask = self
+            .asked_at
+            .is_none_or(|asked_at| PICTURE_EVERY < now.since(asked_at));
+        if self.is_diverged && self.request.is_none() && may_ask {
+            self.ask_for_picture(now);
+        }
+    }
+
+    fn on_straggler(&mut self, now: Timestamp, frame: &ToolFrame) {
+        if frame.header.scheme == Scheme::Replica && frame.header.clay_epoch == self.epoch {
+            self.take_relayed(now, frame);
+        }
+    }
+
+    fn reaction(&mut self, now: Timestamp, port: &HandlePort) -> Vec3 {
+        if self.copy.is_some() {
+            self.local_reaction(now, port)
+        } else {
+            self.fallback.reaction(now, port)
+        }
+    }
+
+    fn needs_frames(&self) -> bool {
+        self.copy.is_none()
+    }
+
+    fn fill(&mut self, frame: &mut HandleFrame) {
+        self.fallback.fill(frame);
+        frame.copy = self.state();
+        frame.clay_hash = self.copy.as_ref().and_then(Copy::hash).unwrap_or(0);
+        frame.relayed_acknowledged = self.inbox.complete();
+        frame.header.clay_epoch = self.copy.as_ref().map_or(self.epoch, Copy::epoch);
+        let now = Timestamp::from_nanos(frame.header.sent_ns);
+        self.log.fill(now, &mut frame.sweeps);
+    }
+
+    fn has_urgent_news(&self) -> bool {
+        SWEEPS_DUE <= self.log.unsent()
+    }
+
+    fn on_sent(&mut self, frame: &HandleFrame) {
+        let now = Timestamp::from_nanos(frame.header.sent_ns);
+        self.log.on_sent(now, &frame.sweeps);
+    }
+
+    /// The server needs the sweeps, and when there are none, a sign of life.
+    fn signal(&self, frame: &HandleFrame) -> Option<Signal> {
+        if self.copy.is_some() {
+            Some(Signal::velocity(Vec3::zeros()))
+        } else {
+            self.fallback.signal(frame)
+        }
+    }
+
+    fn replica(&self) -> Option<&ReplicaHandle> {
+        Some(self)
+    }
+
+    fn replica_mut(&mut self) -> Option<&mut ReplicaHandle> {
+        Some(self)
+    }
+}
+
+fn cut_of(record: &SweepRecord) -> Cut {
+    Cut {
+        from: Pose::from_steps(record.from),
+        to: Pose::from_steps(record.to),
+    }
+}
+
+/// Others' cuts in the order they came, the last [`WINDOW`] of them.
+struct Recent {
+    cuts: Box<[(Timestamp, Cut)]>,
+    /// How many came so far; the newest is number `count - 1`.
+    count: u64,
+}
+
+impl Default for Recent {
+    fn default() -> Self {
+        let none = Cut {
+            from: Pose::default(),
+            to: Pose::default(),
+        };
+        Self {
+            cuts: vec![(Timestamp::ZERO, none); WINDOW].into_boxed_slice(),
+            count: 0,
+        }
+    }
+}
+
+impl Recent {
+    fn push(&mut self, came: Timestamp, cut: Cut) {
+        self.cuts[self.count as usize % WINDOW] = (came, cut);
+        self.count += 1;
+    }
+
+    fn at(&self, number: u64) -> Option<(Timestamp, Cut)> {
+        let is_kept = number < self.count && self.count <= number + WINDOW as u64;
+        is_kept.then(|| self.cuts[number as usize % WINDOW])
+    }
+}

@@ -1,0 +1,375 @@
+//! The tool's end: the authority merges what the handle has cut.
+
+use std::sync::Arc;
+
+use teleclay_clay::{Clay, ContactState, Material, Motion, Pose, Sweep};
+use teleclay_proto::Scheme;
+use teleclay_proto::frame::{
+    CopyState, HandleFrame, LoopStatus, SweepRecord, SweepRefusal, Sweeps, ToolFrame,
+};
+
+use crate::Vec3;
+use crate::deadband::Signal;
+use crate::replica::{Cut, Impossible, Novelty, SweepInbox, SweepLog, Workplace};
+use crate::round_trip;
+use crate::scheme::tdpa::TdpaTool;
+use crate::scheme::{Coupling, ToolEnd, ToolPort};
+use crate::time::Timestamp;
+use crate::travel::Recovery;
+
+/// Sweeps that wait for the tick at most. What does not fit is not noted as come, so the handle repeats it.
+const WAITING: usize = 256;
+/// Sweeps merged in one tick at most: what an outage held back comes at 64 times the speed at which it was made.
+const MERGES_A_TICK: usize = 64;
+
+/// When a scheme's turn began.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Turn {
+    /// Revision of the parameters from which on frames are of this turn.
+    pub since_revision: u16,
+    /// The block of clay: sweeps of another one cut clay that is gone.
+    pub epoch: u32,
+}
+
+/// With perceptual coding a frame goes out when this many relayed sweeps wait for their first, as on the way up.
+const RELAYS_DUE: usize = 8;
+
+/// What a merging tool works with in one tick.
+pub struct Site<'a> {
+    /// The server's clay.
+    pub clay: &'a mut Clay,
+    /// What it resists with.
+    pub material: &'a Material,
+    /// What it remembers of this tool.
+    pub contact: &'a mut ContactState,
+    /// What the loop does.
+    pub status: LoopStatus,
+    /// Gets every cut that was merged, for others' copies. Has room for what a tick may merge.
+    pub cuts: &'a mut Vec<Cut>,
+}
+
+/// What a tick of merging came to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Merged {
+    /// Displacement of the tool, m.
+    pub displacement: Vec3,
+    /// Its velocity, m/s.
+    pub velocity: Vec3,
+    /// The clay's answer here, N.
+    pub force: Vec3,
+    /// Area of the tool that meets clay, m².
+    pub engaged_area_m2: f64,
+    /// What was removed, in units of 1/255 voxel.
+    pub removed_units: u64,
+    /// Number of the newest sweep merged in this tick, if one was newer than all before it.
+    pub newest: Option<u32>,
+}
+
+/// What the handle knew of a hold when it made its sweeps.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Hold {
+    /// The tools work.
+    None,
+    /// They were told to rest at this time of ours, ns; the handle may not know yet.
+    Told { since_ns: u64 },
+    /// The handle knows: sweeps beyond this number were made in spite of it.
+    Known { last: u32 },
+}
+
+/// The tool's end.
+pub struct ReplicaTool {
+    workplace: Arc<Workplace>,
+    fallback: TdpaTool,
+    inbox: SweepInbox,
+    relay: SweepLog,
+    pending: Vec<SweepRecord>,
+    /// Frames of an earlier turn at this scheme number their sweeps otherwise.
+    since_revision: u16,
+    epoch: u32,
+    handle_leads: bool,
+    hold: Hold,
+    refused: u32,
+    refusal: SweepRefusal,
+    newest: u32,
+    /// Newest number seen in any frame, and whether the newest frame had nothing newer: then the tool rested in its tick.
+    seen: u32,
+    rests: bool,
+    merged: Option<Merged>,
+    hash: u64,
+}
+
+impl ReplicaTool {
+    /// At rest; the handle has no copy yet.
+    pub fn new(coupling: Coupling, workplace: Arc<Workplace>, turn: Turn) -> Self {
+        Self {
+            fallback: TdpaTool::new(coupling),
+            workplace,
+            inbox: SweepInbox::default(),
+            relay: SweepLog::default(),
+            pending: Vec::with_capacity(WAITING),
+            since_revision: turn.since_revision,
+            epoch: turn.epoch,
+            handle_leads: false,
+            hold: Hold::None,
+            refused: 0,
+            refusal: SweepRefusal::None,
+            newest: 0,
+            seen: 0,
+            rests: true,
+            merged: None,
+            hash: 0,
+        }
+    }
+
+    /// Sweeps of others that the handle has not acknowledged.
+    pub fn relays_waiting(&self) -> usize {
+        self.relay.waiting()
+    }
+
+    fn is_of_this_turn(&self, frame: &HandleFrame) -> bool {
+        let is_before = (frame.header.revision.wrapping_sub(self.since_revision) as i16) < 0;
+        frame.header.scheme == Scheme::Replica && !is_before
+    }
+
+    fn take_sweeps(&mut self, sweeps: &Sweeps) {
+        self.inbox.skip_to(sweeps.oldest_unacknowledged);
+        for record in sweeps {
+            if WAITING <= self.pending.len() {
+                return;
+            }
+            if self.inbox.on_sweep(record.sequence) == Novelty::New {
+                self.pending.push(*record);
+            }
+        }
+    }
+
+    fn follow_hold(&mut self, now: Timestamp, status: LoopStatus) {
+        let rests = matches!(status, LoopStatus::Paused | LoopStatus::Fault);
+        self.hold = match (rests, self.hold) {
+            (false, _) => Hold::None,
+            (true, Hold::None) => Hold::Told {
+                since_ns: now.as_nanos(),
+            },
+            (true, hold) => hold,
+        };
+    }
+
+    /// Why a sweep is not merged, if it is not.
+    fn judge(&self, record: &SweepRecord, status: LoopStatus) -> Option<SweepRefusal> {
+        if let Hold::Known { last } = self.hold
+            && last < record.sequence
+        {
+            return Some(if status == LoopStatus::Fault {
+                SweepRefusal::Fault
+            } else {
+                SweepRefusal::Paused
+            });
+        }
+        match self.workplace.check(&cut_of(record)) {
+            Ok(()) => None,
+            Err(Impossible::OutOfReach) => Some(SweepRefusal::OutOfReach),
+            Err(Impossible::TooFast) => Some(SweepRefusal::TooFast),
+        }
+    }
+
+    fn merge_one(&mut self, record: &SweepRecord, site: &mut Site<'_>, merged: &mut Merged) {
+        if let Some(refusal) = self.judge(record, site.status) {
+            self.refused = self.refused.wrapping_add(1);
+            self.refusal = refusal;
+            return;
+        }
+        let cut = cut_of(record);
+        site.cuts.push(cut);
+        let way = Vec3::from(cut.to.displacement_from_m(cut.from));
+        let velocity = way / self.workplace.travel.tick_s;
+        let motion = (self.newest < record.sequence)
+            .then(|| Motion::new(cut.from, cut.to, velocity.into()).ok())
+            .flatten();
+        let Some(motion) = motion else {
+            // One that was overtaken: what it cut counts, where the tool is now it does not say.
+            merged.removed_units += site.clay.carve(&Sweep {
+                shape: *self.workplace.tool.shape(),
+                from: cut.from,
+                to: cut.to,
+            });
+            return;
+        };
+        self.newest = record.sequence;
+        let worked = site
+            .clay
+            .work(&self.workplace.tool, site.material, &motion, site.contact);
+        *merged = Merged {
+            displacement: Vec3::from(cut.to.position_m()) - self.workplace.home,
+            velocity,
+            force: Vec3::from(worked.response.force_n),
+            engaged_area_m2: worked.response.engaged_area_m2,
+            removed_units: merged.removed_units + worked.removed_units,
+            newest: Some(record.sequence),
+        };
+    }
+}
+
+impl ReplicaTool {
+    fn feel_at_rest(&self, site: &mut Site<'_>, merged: &mut Merged) {
+        merged.velocity = Vec3::zeros();
+        let pose = Pose::quantise((self.workplace.home + merged.displacement).into());
+        // Merged sweeps are within reach, so on the lattice; and rest is a motion.
+        let rest = pose.ok().and_then(|at| Motion::new(at, at, [0.0; 3]).ok());
+        if let Some(rest) = rest {
+            let felt = site
+                .clay
+                .feel(&self.workplace.tool, site.material, &rest, site.contact);
+            merged.force = Vec3::from(felt.force_n);
+            merged.engaged_area_m2 = felt.engaged_area_m2;
+        }
+    }
+}
+
+impl ToolEnd for ReplicaTool {
+    fn on_frame(&mut self, now: Timestamp, frame: &HandleFrame) {
+        if !self.is_of_this_turn(frame) {
+            self.handle_leads = false;
+            return;
+        }
+        self.fallback.take_in(frame);
+        let is_of_this_block = frame.header.clay_epoch == self.epoch;
+        self.handle_leads = frame.copy != CopyState::None && is_of_this_block;
+        self.relay.on_acknowledged(frame.relayed_acknowledged);
+        let header = &frame.header;
+        if let Some(round_trip) = round_trip::of_exchange(now, header.echo_ns, header.echo_hold_ns)
+        {
+            self.relay.on_round_trip(round_trip);
+        }
+        let newest = frame.sweeps.iter().map(|sweep| sweep.sequence).max();
+        let newest = newest.unwrap_or(0);
+        if let Hold::Told { since_ns } = self.hold
+            && since_ns <= frame.header.echo_ns
+        {
+            // The handle needs the ramp to come to rest.
+            let ramp = self.workplace.ramp_s / self.workplace.travel.tick_s;
+            self.hold = Hold::Known {
+                last: newest.max(self.seen) + ramp.ceil() as u32 + 1,
+            };
+        }
+        self.rests = newest <= self.seen;
+        self.seen = self.seen.max(newest);
+        self.on_straggler(now, frame);
+    }
+
+    fn on_straggler(&mut self, _now: Timestamp, frame: &HandleFrame) {
+        if self.is_of_this_turn(frame)
+            && frame.header.clay_epoch == self.epoch
+            && frame.copy != CopyState::None
+        {
+            self.take_sweeps(&frame.sweeps);
+        }
+    }
+
+    fn merge(&mut self, now: Timestamp, port: &ToolPort, mut site: Site<'_>) -> Option<Merged> {
+        /// Half a microsecond each.
+        const BRICKS_A_TICK: usize = 2;
+        self.follow_hold(now, site.status);
+        let mut merged = match self.merged {
+            Some(before) => Merged {
+                removed_units: 0,
+                newest: None,
+                ..before
+            },
+            None => Merged {
+                displacement: port.position,
+                velocity: Vec3::zeros(),
+                force: Vec3::zeros(),
+                engaged_area_m2: 0.0,
+                removed_units: 0,
+                newest: None,
+            },
+        };
+        let mut pending = std::mem::take(&mut self.pending);
+        let count = pending.len().min(MERGES_A_TICK);
+        for record in pending.drain(..count) {
+            self.merge_one(&record, &mut site, &mut merged);
+        }
+        self.pending = pending;
+        if merged.newest.is_none() && self.rests {
+            self.feel_at_rest(&mut site, &mut merged);
+        }
+        let is_settled = site.clay.refresh_hashes(BRICKS_A_TICK) == 0 && self.pending.is_empty();
+        self.hash = if is_settled { site.clay.hash() } else { 0 };
+        if !self.handle_leads {
+            self.merged = None;
+            return None;
+        }
+        self.merged = Some(merged);
+        Some(merged)
+    }
+
+    /// The handle has no sweep on its way: its tool rests.
+    fn reference(&mut self, now: Timestamp, port: &ToolPort, remote_gain: f64) -> Vec3 {
+        self.fallback.reference(now, port, remote_gain)
+    }
+
+    fn moved(&mut self, port: &ToolPort) {
+        self.fallback.moved(port);
+    }
+
+    fn reindex(&mut self, handle_position: Vec3) {
+        self.fallback.reindex(handle_position);
+        self.merged = None;
+    }
+
+    fn recovery(&self) -> Recovery {
+        self.fallback.recovery()
+    }
+
+    fn on_fresh_block(&mut self, epoch: u32) {
+        self.epoch = epoch;
+        self.pending.clear();
+        self.relay.give_up();
+        self.handle_leads = false;
+        self.merged = None;
+        self.hash = 0;
+    }
+
+    fn move_to(&mut self, workplace: &Arc<Workplace>) {
+        self.workplace = Arc::clone(workplace);
+    }
+
+    fn relay(&mut self, cut: Cut) {
+        // A log that is full belongs to a handle that hears nothing; the hashes will tell it.
+        let _ = self.relay.push(cut.from.steps(), cut.to.steps());
+    }
+
+    fn fill(&mut self, frame: &mut ToolFrame) {
+        self.fallback.fill(frame);
+        frame.sweeps_acknowledged = self.inbox.complete();
+        frame.sweeps_refused = self.refused;
+        frame.refusal = self.refusal;
+        frame.clay_hash = self.hash;
+        let now = Timestamp::from_nanos(frame.header.sent_ns);
+        self.relay.fill(now, &mut frame.relayed);
+    }
+
+    fn has_urgent_news(&self) -> bool {
+        RELAYS_DUE <= self.relay.unsent()
+    }
+
+    fn on_sent(&mut self, frame: &ToolFrame) {
+        let now = Timestamp::from_nanos(frame.header.sent_ns);
+        self.relay.on_sent(now, &frame.relayed);
+    }
+
+    fn signal(&self, frame: &ToolFrame) -> Option<Signal> {
+        if self.handle_leads {
+            Some(Signal::velocity(Vec3::zeros()))
+        } else {
+            self.fallback.signal(frame)
+        }
+    }
+}
+
+fn cut_of(record: &SweepRecord) -> Cut {
+    Cut {
+        from: Pose::from_steps(record.from),
+        to: Pose::from_steps(record.to),
+    }
+}
