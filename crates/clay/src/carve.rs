@@ -30,7 +30,7 @@ mod way;
 use crate::changes::Changes;
 use crate::field::{Brick, Field};
 use crate::grid::BRICK_EDGE;
-use crate::lanes::{Removed, Tile};
+use crate::lanes::{Removed, Tile, Work, widely};
 use crate::sweep::Sweep;
 use crate::tool::ToolShape;
 
@@ -154,8 +154,28 @@ struct Knife<'a> {
     work: List,
 }
 
+/// A solid about to be cut.
+struct Cut<'a, 'k, S> {
+    knife: &'a mut Knife<'k>,
+    solid: &'a S,
+}
+
+impl<S: Solid> Work for Cut<'_, '_, S> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        self.knife.cut_bricks(self.solid);
+    }
+}
+
 impl Knife<'_> {
     fn cut<S: Solid>(&mut self, solid: &S) {
+        widely(Cut { knife: self, solid });
+    }
+
+    #[inline(always)]
+    fn cut_bricks<S: Solid>(&mut self, solid: &S) {
         let voxels = self.field.grid().voxels().map(i32::from);
         let bounds = solid.bounds();
         let [xs, ys, zs]: [[i32; 2]; 3] =
@@ -187,6 +207,7 @@ impl Knife<'_> {
     }
 
     /// Cuts a range of layers of a brick.
+    #[inline(always)]
     fn cut_brick<S: Solid>(
         &mut self,
         brick: usize,

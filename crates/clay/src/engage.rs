@@ -19,6 +19,7 @@ mod points;
 mod sampler;
 
 use crate::field::Field;
+use crate::lanes::{Work, widely};
 use crate::pose::Pose;
 
 pub use points::Tool;
@@ -46,13 +47,55 @@ pub(crate) fn engaged_areas_m2(
     if NEARLY_PARALLEL < cosine {
         let sum = std::array::from_fn(|axis| a[axis] + b[axis]);
         let length = (2.0 + 2.0 * cosine).sqrt();
-        return sampler.areas_m2(tool, sum.map(|d: f64| d / length), directions);
+        return widely(FeelClose {
+            sampler,
+            tool,
+            ahead: sum.map(|d: f64| d / length),
+            directions,
+        });
     }
-    let area_m2 = |direction: [f64; 3]| {
-        if direction.iter().all(|d| d.abs() <= 0.0) {
+    directions.map(|ahead| {
+        if ahead.iter().all(|d| d.abs() <= 0.0) {
             return 0.0;
         }
-        sampler.areas_m2(tool, direction, [direction])[0]
-    };
-    [area_m2(a), area_m2(b)]
+        widely(Feel {
+            sampler,
+            tool,
+            ahead,
+        })
+    })
+}
+
+/// Clay about to be felt for in a direction.
+struct Feel<'a> {
+    sampler: Sampler<'a>,
+    tool: &'a Tool,
+    ahead: [f64; 3],
+}
+
+/// Clay about to be felt for in the direction between two that are close to each other.
+struct FeelClose<'a> {
+    sampler: Sampler<'a>,
+    tool: &'a Tool,
+    ahead: [f64; 3],
+    directions: [[f64; 3]; 2],
+}
+
+impl Work for Feel<'_> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn run(self) -> f64 {
+        self.sampler.area_m2(self.tool, self.ahead)
+    }
+}
+
+impl Work for FeelClose<'_> {
+    type Output = [f64; 2];
+
+    #[inline(always)]
+    fn run(self) -> [f64; 2] {
+        self.sampler
+            .areas_close_m2(self.tool, self.ahead, self.directions)
+    }
 }

@@ -77,13 +77,22 @@ pub(crate) struct Reader<'a> {
 }
 
 impl Reader<'_> {
-    /// The occupancies of a voxel and the next one along x, in this order from the lowest byte on; `brick` by the strides, `voxel` its number in
-    /// the brick. The next one counts for nothing where it is in the next brick.
+    /// The occupancies of a voxel and those after it along x, y and z, the first lowest, in this order. All are in one brick: `brick`
+    /// by the strides, `voxel` the first one's number in it.
     #[inline(always)]
-    pub(crate) fn pair(&self, brick: u32, voxel: u32) -> u64 {
+    pub(crate) fn eight(&self, brick: u32, voxel: u32) -> u64 {
+        const Y: usize = BRICK_EDGE;
+        const Z: usize = BRICK_EDGE * BRICK_EDGE;
         let at = (self.places[brick as usize] + voxel) as usize;
-        let pair = &self.slab[at..at + 2];
-        u64::from(u16::from_le_bytes([pair[0], pair[1]]))
+        let eight = &self.slab[at..at + Z + Y + 2];
+        let pair = |at: usize| u64::from(u16::from_le_bytes([eight[at], eight[at + 1]]));
+        pair(0) | pair(Y) << 16 | pair(Z) << 32 | pair(Z + Y) << 48
+    }
+
+    /// The occupancy of a voxel.
+    #[inline(always)]
+    pub(crate) fn one(&self, brick: u32, voxel: u32) -> u8 {
+        self.slab[(self.places[brick as usize] + voxel) as usize]
     }
 }
 
@@ -118,8 +127,7 @@ impl Field {
 
     fn empty(grid: Grid) -> Self {
         let count = grid.brick_count();
-        // One byte more, so that whoever reads the last voxel finds a next one.
-        let mut slab = vec![0; (count + FIRST_SLOT as usize) * BRICK_VOXELS + 1];
+        let mut slab = vec![0; (count + FIRST_SLOT as usize) * BRICK_VOXELS];
         slab.as_chunks_mut::<BRICK_VOXELS>().0[SOLID_SLOT as usize].fill(SOLID);
         let bordered = grid.bricks().map(|count| usize::from(count) + 2);
         Self {

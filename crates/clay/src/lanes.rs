@@ -8,6 +8,7 @@
 mod arrays;
 #[cfg(target_arch = "x86_64")]
 mod sse2;
+mod wide;
 
 use crate::grid::BRICK_EDGE;
 
@@ -15,6 +16,8 @@ use crate::grid::BRICK_EDGE;
 pub(crate) use arrays::{Floats, Ints, Removed, Tile};
 #[cfg(target_arch = "x86_64")]
 pub(crate) use sse2::{Floats, Ints, Removed, Tile};
+
+pub(crate) use wide::{Work, widely};
 
 /// Voxels, rows or points handled together.
 pub(crate) const LANES: usize = 4;
@@ -112,14 +115,22 @@ mod tests {
                 arrays::Floats::from_array(a).is_below(arrays::Floats::from_array(b)).bits(),
                 sse2::Floats::from_array(a).is_below(sse2::Floats::from_array(b)).bits()
             );
-            let is_lane = |of: &dyn Fn(f32, f32) -> bool, lane: usize| u32::from(of(a[lane], b[lane])) << lane;
-            let both = |lane| is_lane(&|a, b| a < b && a < 1.0, lane);
-            let here = sse2::Floats::from_array(a);
-            let below = here.is_below(sse2::Floats::from_array(b)).and(here.is_below(sse2::Floats::splat(1.0)));
-            prop_assert_eq!(below.bits(), (0..LANES).map(both).sum::<u32>());
-            let here = arrays::Floats::from_array(a);
-            let below = here.is_below(arrays::Floats::from_array(b)).and(here.is_below(arrays::Floats::splat(1.0)));
-            prop_assert_eq!(below.bits(), (0..LANES).map(both).sum::<u32>());
+            let lanes = |of: &dyn Fn(f32, f32) -> bool| {
+                (0..LANES).map(|lane| u32::from(of(a[lane], b[lane])) << lane).sum::<u32>()
+            };
+            macro_rules! below_b_and_1 {
+                ($room:ident) => {{
+                    let here = $room::Floats::from_array(a);
+                    let one = $room::Floats::splat(1.0);
+                    (here.is_below($room::Floats::from_array(b)), here.is_below(one))
+                }};
+            }
+            let (first, second) = below_b_and_1!(sse2);
+            prop_assert_eq!(first.and(second).bits(), lanes(&|a, b| a < b && a < 1.0));
+            prop_assert_eq!(first.or(second).bits(), lanes(&|a, b| a < b || a < 1.0));
+            let (first, second) = below_b_and_1!(arrays);
+            prop_assert_eq!(first.and(second).bits(), lanes(&|a, b| a < b && a < 1.0));
+            prop_assert_eq!(first.or(second).bits(), lanes(&|a, b| a < b || a < 1.0));
         }
 
         #[test]

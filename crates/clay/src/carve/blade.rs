@@ -1,7 +1,7 @@
 //! A blade swept along a straight way: the hull of two boxes.
 //!
 //! The hull of a box and its copy moved by `m` is bounded by the box's own six planes, each where its box is farther out, and by the
-//! planes that contain an edge direction and `m`: three normals `e x m`, one for each axis `e`. The distance outside the hull is the greatest of
+//! planes that contain an edge direction and `m`: normals `e x m`, one for each axis `e`. The distance outside the hull is the greatest of
 //! the distances outside these planes, that outside a box the greatest outside its six; a voxel counts by the lesser of hull and the box at
 //! the end, which differ only outside the edges of the box.
 
@@ -16,8 +16,7 @@ use crate::tool::{Blade, ToolShape};
 /// makes it exact to look only at what the blade pushes ahead of itself.
 pub(super) struct BladeSweep {
     axes: [Axis; 3],
-    /// The planes askew to the axes; none for a way along an axis.
-    slabs: Option<[Slab; 3]>,
+    slabs: Slabs,
     /// Distance outside the hull from which on everything is left, and inside it from which on nothing is.
     reach: f32,
     slack: f32,
@@ -40,11 +39,18 @@ struct Axis {
     step: f32,
 }
 
-/// The slab `|normal . w| <= half` about the hull's middle; one without a normal bounds nothing.
-#[derive(Clone, Copy)]
+/// The slab `|normal . w| <= half` about the hull's middle.
+#[derive(Clone, Copy, Default)]
 struct Slab {
     normal: [f32; 3],
     half: f32,
+}
+
+/// The slabs whose planes are askew to the axes: none for a way along an axis, one for a way across one, else three.
+#[derive(Clone, Copy, Default)]
+struct Slabs {
+    of: [Slab; 3],
+    count: usize,
 }
 
 impl BladeSweep {
@@ -71,7 +77,6 @@ impl BladeSweep {
         let (step, middle) = (way.step(), way.middle());
         let slack = SLACK + 8.0 * way.rounding;
         let reach = RAMP + slack;
-        let along_axes = step.iter().filter(|&&d| d.abs() <= 0.0).count();
         let axes = std::array::from_fn(|axis| {
             let (from, to) = (-way.from[axis] as f32, -way.to[axis] as f32);
             Axis {
@@ -86,8 +91,7 @@ impl BladeSweep {
         });
         Self {
             axes,
-            slabs: (along_axes < 2)
-                .then(|| std::array::from_fn(|axis| Slab::along(axis, step, half))),
+            slabs: Slabs::along(step, half),
             reach: reach as f32,
             slack: slack as f32,
             clear: -reach as f32,
@@ -190,22 +194,30 @@ impl Bounds {
     }
 }
 
-impl Slab {
-    /// The slab whose planes contain the axis' direction and the step.
-    fn along(axis: usize, step: [f64; 3], half: [f64; 3]) -> Self {
-        let (a, b) = ((axis + 1) % 3, (axis + 2) % 3);
-        let length = (step[a] * step[a] + step[b] * step[b]).sqrt();
-        let mut normal = [0.0; 3];
-        if length <= 0.0 {
-            return Self { normal, half: 0.0 };
+impl Slabs {
+    /// For each axis the slab whose planes contain its direction and the step, unless they are planes of the boxes.
+    fn along(step: [f64; 3], half: [f64; 3]) -> Self {
+        let mut slabs = Self::default();
+        for axis in 0..3 {
+            let (a, b) = ((axis + 1) % 3, (axis + 2) % 3);
+            if step[a].abs() <= 0.0 || step[b].abs() <= 0.0 {
+                continue;
+            }
+            let length = (step[a] * step[a] + step[b] * step[b]).sqrt();
+            let (na, nb) = (step[b] / length, -step[a] / length);
+            let mut normal = [0.0; 3];
+            normal[a] = na as f32;
+            normal[b] = nb as f32;
+            let half = (na.abs() * half[a] + nb.abs() * half[b]) as f32;
+            slabs.of[slabs.count] = Slab { normal, half };
+            slabs.count += 1;
         }
-        let (na, nb) = (step[b] / length, -step[a] / length);
-        normal[a] = na as f32;
-        normal[b] = nb as f32;
-        Self {
-            normal,
-            half: (na.abs() * half[a] + nb.abs() * half[b]) as f32,
-        }
+        slabs
+    }
+
+    #[inline(always)]
+    fn iter(&self) -> impl Iterator<Item = &Slab> {
+        self.of[..self.count.min(3)].iter()
     }
 }
 
@@ -240,13 +252,15 @@ impl BladeSweep {
         (at + Floats::splat(self.axes[axis].middle)) * Floats::splat(slab.normal[axis])
     }
 
-    fn prepare_askew(&self, slabs: &[Slab; 3], tables: &mut Tables, bricks: [[i32; 2]; 3]) {
+    fn prepare_askew(&self, tables: &mut Tables, bricks: [[i32; 2]; 3]) {
         let half = Floats::splat(0.5 * (LANES - 1) as f32);
         for axis in 0..3 {
             tables.note_voxels(axis, END, bricks[axis], |first| {
                 left_over(self.axes[axis].outside_end(Floats::stepping(first, 1)))
             });
-            for (slab, (number, middles)) in slabs.iter().zip(SLABS.into_iter().zip(SLAB_MIDDLES)) {
+            for (slab, (number, middles)) in
+                self.slabs.iter().zip(SLABS.into_iter().zip(SLAB_MIDDLES))
+            {
                 tables.note_voxels(axis, number, bricks[axis], |first| {
                     self.along(slab, axis, Floats::stepping(first, 1))
                 });
@@ -283,8 +297,8 @@ impl Solid for BladeSweep {
                 self.bounds_of(2, number, at, at)
             });
         }
-        if let Some(slabs) = &self.slabs {
-            self.prepare_askew(slabs, tables, bricks);
+        if 0 < self.slabs.count {
+            self.prepare_askew(tables, bricks);
         }
     }
 
@@ -304,13 +318,12 @@ impl Solid for BladeSweep {
             at,
             tiles,
             any_tile: bands.and(tiles.any()),
-            slabs: self.slabs.map(|slabs| {
-                slabs.map(|slab| {
-                    let [x, y, _] = slab.normal;
-                    let reach = slab.half + corner + half * (x.abs() + y.abs());
-                    [slab.half, reach].map(Floats::splat)
-                })
+            slabs: self.slabs.of.map(|slab| {
+                let [x, y, _] = slab.normal;
+                let reach = slab.half + corner + half * (x.abs() + y.abs());
+                [slab.half, reach].map(Floats::splat)
             }),
+            slab_count: self.slabs.count,
             reach: Floats::splat(self.reach),
             clear: Floats::splat(self.clear),
             slack: Floats::splat(self.slack),
@@ -327,7 +340,8 @@ struct BladeInBrick<'a> {
     /// Of bands, together with the extremes over all tiles.
     any_tile: Bounds,
     /// Of each slab, half its thickness, and how far a tile's middle may be from its middle for anything in the tile to change.
-    slabs: Option<[[Floats; 2]; 3]>,
+    slabs: [[Floats; 2]; 3],
+    slab_count: usize,
     reach: Floats,
     clear: Floats,
     slack: Floats,
@@ -372,7 +386,7 @@ impl InBrick for BladeInBrick<'_> {
     fn tiles(&self, layer: usize, band: usize) -> u32 {
         let bands = Bounds::read(|number| self.tables.band(number, self.at, band));
         let mut tiles = self.may_change(layer, self.tiles.and(bands));
-        for (slab, [_, reach]) in self.slabs.iter().flatten().enumerate() {
+        for (slab, [_, reach]) in self.slabs[..self.slab_count].iter().enumerate() {
             let along = self.tables.fours(0, SLAB_MIDDLES[slab], self.at)
                 + (self.tables.band(SLAB_MIDDLES[slab], self.at, band)
                     + self.tables.layer(SLABS[slab], self.at, layer));
@@ -384,10 +398,10 @@ impl InBrick for BladeInBrick<'_> {
     #[inline(always)]
     fn leaves(&self, tile: TileIndex) -> Tile {
         let mut hull = self.by_planes(HULL, tile);
-        let Some(slabs) = &self.slabs else {
+        if self.slab_count == 0 {
             return Tile::nearest(hull);
-        };
-        for (slab, [half, _]) in slabs.iter().enumerate() {
+        }
+        for (slab, [half, _]) in self.slabs[..self.slab_count].iter().enumerate() {
             let along = self
                 .tables
                 .four_voxels(0, SLABS[slab], self.at, tile.tile());

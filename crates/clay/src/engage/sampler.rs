@@ -19,10 +19,16 @@ const NONE_BELOW: f64 = 0.45;
 
 /// Binary places of a sample's position between voxels.
 const PLACES: u32 = 12;
+const SCALE: f32 = (1 << PLACES) as f32;
 const LOWEST: f32 = (NONE_BELOW * SOLID as f64) as f32;
 const RANGE: f32 = ((FULL_FROM - NONE_BELOW) * SOLID as f64) as f32;
 
+/// The last place in a brick along an axis, and the binary places of those.
+const LAST: i32 = BRICK_EDGE as i32 - 1;
+const EDGE_PLACES: i32 = BRICK_EDGE.trailing_zeros() as i32;
+
 /// Reads occupancy in front of the faces of a tool.
+#[derive(Clone, Copy)]
 pub(super) struct Sampler<'a> {
     field: &'a Field,
     reader: Reader<'a>,
@@ -73,30 +79,53 @@ impl<'a> Sampler<'a> {
         self.field.is_air(corner(-1.0), corner(1.0))
     }
 
+    /// Engaged area in the direction `ahead`, m².
+    #[inline(always)]
+    pub(super) fn area_m2(&self, tool: &Tool, ahead: [f64; 3]) -> f64 {
+        let [area_m2] = self.areas_m2(tool, ahead, |_, _, cosine| [cosine]);
+        area_m2
+    }
+
     /// Engaged areas in directions close to `ahead`, the direction in which clay is felt, m².
     #[inline(always)]
-    pub(super) fn areas_m2<const N: usize>(
+    pub(super) fn areas_close_m2<const N: usize>(
         &self,
         tool: &Tool,
         ahead: [f64; 3],
         directions: [[f64; 3]; N],
     ) -> [f64; N] {
-        let ahead = ahead.map(|d| d as f32);
         let directions = directions.map(|direction| direction.map(|d| d as f32));
+        let none = Floats::splat(0.0);
+        self.areas_m2(tool, ahead, |pairs, side, _| {
+            directions.map(|direction| (side * pairs.along(direction)).greater(none))
+        })
+    }
+
+    /// Sums over the leading points what clay stands ahead of each, times its area, times each of some numbers of it.
+    #[inline(always)]
+    fn areas_m2<const N: usize>(
+        &self,
+        tool: &Tool,
+        ahead: [f64; 3],
+        numbers: impl Fn(&FacePairs, Floats, Floats) -> [Floats; N],
+    ) -> [f64; N] {
+        let ahead = ahead.map(|d| d as f32);
         let none = Floats::splat(0.0);
         let (mut areas_m2, mut whole_m2) = ([none; N], none);
         for pairs in &tool.pairs {
-            let cosine = pairs.along(ahead);
+            let (cosine, area_m2) = (pairs.along(ahead), Floats::load(&pairs.area_m2));
+            let side = cosine.where_below(none, Floats::splat(-1.0), Floats::splat(1.0));
+            let cosine = cosine.abs();
+            let seen_m2 = cosine * area_m2;
             // A face that neither leads nor trails counts for nothing.
-            if !(cosine.abs() * Floats::load(&pairs.area_m2)).any_above_0() {
+            if !seen_m2.any_above_0() {
                 continue;
             }
-            let side = cosine.where_below(none, Floats::splat(-1.0), Floats::splat(1.0));
-            let area_m2 = Floats::load(&pairs.area_m2);
-            whole_m2 = whole_m2 + cosine.abs() * area_m2;
-            let engaged = self.engaged(pairs, side, cosine.abs(), ahead) * area_m2;
-            for (area_m2, direction) in areas_m2.iter_mut().zip(directions) {
-                *area_m2 = *area_m2 + engaged * (side * pairs.along(direction)).greater(none);
+            whole_m2 = whole_m2 + seen_m2;
+            let places = self.places(pairs, side, cosine, ahead);
+            let engaged_m2 = engaged(places, self.corners(places)) * area_m2;
+            for (area_m2, number) in areas_m2.iter_mut().zip(numbers(pairs, side, cosine)) {
+                *area_m2 = *area_m2 + engaged_m2 * number;
             }
         }
         let sum = |lanes: Floats| lanes.to_array().into_iter().map(f64::from).sum::<f64>();
@@ -104,114 +133,98 @@ impl<'a> Sampler<'a> {
         let correction = tool.radius_m.map_or(1.0, |radius_m| {
             std::f64::consts::PI * radius_m * radius_m / sum(whole_m2)
         });
-        areas_m2.map(|lanes| sum(lanes) * correction)
+        areas_m2.map(|lanes| sum(lanes) * (correction / f64::from(RANGE)))
     }
 
-    /// How much clay stands ahead, 0 to 1, of points, or of their opposites where `side` is -1.
+    /// Where clay is looked for ahead of points, or of their opposites where `side` is -1.
     #[inline(always)]
-    fn engaged(&self, pairs: &FacePairs, side: Floats, cosine: Floats, ahead: [f32; 3]) -> Floats {
-        let look_ahead = LOOK_AHEAD_VOXELS as f32;
+    fn places(
+        &self,
+        pairs: &FacePairs,
+        side: Floats,
+        cosine: Floats,
+        ahead: [f32; 3],
+    ) -> [Ints; 3] {
+        const LOOK_AHEAD: f32 = LOOK_AHEAD_VOXELS as f32 * SCALE;
         let reach = match self.radius {
             // Where the ray leaves the ball of radius r + a: s^2 + 2 r c s = 2 r a + a^2.
             Some(radius) => {
+                let radius = radius * SCALE;
                 let across = Floats::splat(radius) * cosine;
-                let rest = Floats::splat(look_ahead * (2.0 * radius + look_ahead));
+                let rest = Floats::splat(LOOK_AHEAD * (2.0 * radius + LOOK_AHEAD));
                 (across * across + rest).sqrt() - across
             }
-            None => Floats::splat(look_ahead) / cosine.greater(Floats::splat(LEAST_COSINE)),
+            None => Floats::splat(LOOK_AHEAD) / cosine.greater(Floats::splat(LEAST_COSINE)),
         };
-        let scale = (1 << PLACES) as f32;
+        let side = side * Floats::splat(self.per_metre * SCALE);
         let place = |axis: usize| {
-            let offset = side * Floats::load(&pairs.offset_m[axis]) * Floats::splat(self.per_metre);
-            let place =
-                Floats::splat(self.middle[axis]) + offset + reach * Floats::splat(ahead[axis]);
-            // Kept in the border of air about the grid, from where it is counted.
-            let most = self.voxels[axis] + (2 * BRICK_EDGE - 2) as f32;
-            ((place + Floats::splat(BRICK_EDGE as f32)) * Floats::splat(scale))
-                .nearest_within([0.0, most * scale])
+            // Counted from the border of air about the grid, and kept in it.
+            let middle = (self.middle[axis] + BRICK_EDGE as f32) * SCALE;
+            let most = (self.voxels[axis] + (2 * BRICK_EDGE - 2) as f32) * SCALE;
+            let offset = side * Floats::load(&pairs.offset_m[axis]);
+            (Floats::splat(middle) + offset + reach * Floats::splat(ahead[axis]))
+                .nearest_within([0.0, most])
         };
-        let ahead = self.interpolated([place(0), place(1), place(2)]) - Floats::splat(LOWEST);
-        let kept = ahead
-            .greater(Floats::splat(0.0))
-            .lesser(Floats::splat(RANGE));
-        kept * Floats::splat(1.0 / RANGE)
+        [place(0), place(1), place(2)]
     }
 
-    /// Occupancy interpolated between the eight voxel centres about places.
+    /// The occupancies of the eight voxels about each place.
     #[inline(always)]
-    fn interpolated(&self, places: [Ints; 3]) -> Floats {
-        const EDGE: i32 = BRICK_EDGE as i32;
-        const EDGE_PLACES: i32 = EDGE.trailing_zeros() as i32;
+    fn corners(&self, places: [Ints; 3]) -> [u64; LANES] {
         let whole = |axis: usize| places[axis].shifted_right::<{ PLACES as i32 }>();
-        let (x, y, z) = (whole(0), whole(1), whole(2));
+        let voxels = [whole(0), whole(1), whole(2)];
+        let in_brick = |axis: usize| voxels[axis].masked(LAST);
+        let (x, y, z) = (in_brick(0), in_brick(1), in_brick(2));
+        let astride = |at: Ints| at.equals(Ints::splat(LAST));
+        let astride = astride(x).or(astride(y)).or(astride(z)).bits();
+
         let [_, stride_y, stride_z] = self.reader.strides;
-        // Where the voxel's row is: by bricks, and in its brick.
-        let along_y = |y: Ints| {
-            let brick = y.shifted_right::<EDGE_PLACES>().times(stride_y as i16);
-            (brick, y.masked(EDGE - 1).shifted_left::<EDGE_PLACES>())
-        };
-        let along_z = |z: Ints| {
-            let brick = z.shifted_right::<EDGE_PLACES>().times(stride_z as i16);
-            (
-                brick,
-                z.masked(EDGE - 1).shifted_left::<{ 2 * EDGE_PLACES }>(),
-            )
-        };
-        let x_in_brick = x.masked(EDGE - 1);
-        let x_brick = x.shifted_right::<EDGE_PLACES>();
-        let one = Ints::splat(1);
-        let (ys, zs) = (
-            [along_y(y), along_y(y + one)],
-            [along_z(z), along_z(z + one)],
-        );
+        let brick = |axis: usize| voxels[axis].shifted_right::<EDGE_PLACES>();
+        let bricks = brick(0) + (brick(1).times(stride_y as i16) + brick(2).times(stride_z as i16));
+        let first = x + (y.shifted_left::<EDGE_PLACES>() + z.shifted_left::<{ 2 * EDGE_PLACES }>());
+        let (bricks, first) = (bricks.to_array(), first.to_array());
         let mut corners = [0; LANES];
-        let mut rows = [([0; LANES], [0; LANES]); 4];
-        for (row, (bricks, voxels)) in rows.iter_mut().enumerate() {
-            let ((y_brick, y), (z_brick, z)) = (ys[row % 2], zs[row / 2]);
-            *bricks = (x_brick + (y_brick + z_brick)).to_array();
-            *voxels = (x_in_brick + (y + z)).to_array();
-        }
-        for (lane, corners) in corners.iter_mut().enumerate() {
-            let pair = |row: usize| {
-                let (bricks, voxels) = &rows[row];
-                self.reader.pair(bricks[lane] as u32, voxels[lane] as u32)
+        for lane in 0..LANES {
+            corners[lane] = if astride >> lane & 1 == 0 {
+                self.reader.eight(bricks[lane] as u32, first[lane] as u32)
+            } else {
+                self.eight_astride(voxels.map(|at| at.to_array()[lane] as u32))
             };
-            *corners = pair(0) | pair(1) << 16 | pair(2) << 32 | pair(3) << 48;
         }
-        if x_in_brick.equals(Ints::splat(EDGE - 1)).bits() != 0 {
-            self.step_across(x_in_brick, &rows, &mut corners);
-        }
-        let share = |axis: usize| {
-            let share = places[axis].masked((1 << PLACES) - 1).to_floats();
-            share * Floats::splat(1.0 / (1 << PLACES) as f32)
-        };
-        let (x, y, z) = (share(0), share(1), share(2));
-        let between = |a: Floats, b: Floats, share: Floats| a + (b - a) * share;
-        let [a, b, c, d, e, f, g, h] = Floats::of_bytes(corners);
-        let lower = between(between(a, b, x), between(c, d, x), y);
-        let upper = between(between(e, f, x), between(g, h, x), y);
-        between(lower, upper, z)
+        corners
     }
 
-    /// Reads the second voxels of pairs that lie in two bricks.
-    #[cold]
-    fn step_across(
-        &self,
-        x_in_brick: Ints,
-        rows: &[([i32; LANES], [i32; LANES]); 4],
-        corners: &mut [u64; LANES],
-    ) {
-        const LAST: i32 = BRICK_EDGE as i32 - 1;
-        for (lane, x) in x_in_brick.to_array().into_iter().enumerate() {
-            if x != LAST {
-                continue;
-            }
-            for (row, (bricks, voxels)) in rows.iter().enumerate() {
-                let (brick, voxel) = (bricks[lane] + 1, voxels[lane] - LAST);
-                let next = self.reader.pair(brick as u32, voxel as u32) & 0xFF;
-                let at = 16 * row + 8;
-                corners[lane] = corners[lane] & !(0xFF << at) | next << at;
-            }
+    /// The eight voxels about a place that are not all in one brick.
+    #[inline(never)]
+    fn eight_astride(&self, [x, y, z]: [u32; 3]) -> u64 {
+        const LAST: u32 = BRICK_EDGE as u32 - 1;
+        let [_, stride_y, stride_z] = self.reader.strides.map(|stride| stride as u32);
+        let mut eight = 0;
+        for corner in 0..8 {
+            let (x, y, z) = (x + (corner & 1), y + (corner >> 1 & 1), z + (corner >> 2));
+            let brick =
+                (x >> EDGE_PLACES) + (y >> EDGE_PLACES) * stride_y + (z >> EDGE_PLACES) * stride_z;
+            let voxel =
+                (x & LAST) + ((y & LAST) << EDGE_PLACES) + ((z & LAST) << (2 * EDGE_PLACES));
+            eight |= u64::from(self.reader.one(brick, voxel)) << (8 * corner);
         }
+        eight
     }
+}
+
+/// Occupancy interpolated between the eight voxel centres about places, above what does not count and up to [`RANGE`].
+#[inline(always)]
+fn engaged(places: [Ints; 3], corners: [u64; LANES]) -> Floats {
+    let share = |axis: usize| {
+        let share = places[axis].masked((1 << PLACES) - 1).to_floats();
+        share * Floats::splat(1.0 / SCALE)
+    };
+    let (x, y, z) = (share(0), share(1), share(2));
+    let between = |a: Floats, b: Floats, share: Floats| a + (b - a) * share;
+    let [a, b, c, d, e, f, g, h] = Floats::of_bytes(corners);
+    let lower = between(between(a, b, x), between(c, d, x), y);
+    let upper = between(between(e, f, x), between(g, h, x), y);
+    (between(lower, upper, z) - Floats::splat(LOWEST))
+        .greater(Floats::splat(0.0))
+        .lesser(Floats::splat(RANGE))
 }

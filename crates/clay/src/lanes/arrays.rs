@@ -238,6 +238,10 @@ impl Tile {
 }
 
 impl Where {
+    pub(crate) fn or(self, other: Self) -> Self {
+        Self(std::array::from_fn(|lane| self.0[lane] | other.0[lane]))
+    }
+
     pub(crate) fn and(self, other: Self) -> Self {
         Self(std::array::from_fn(|lane| self.0[lane] & other.0[lane]))
     }

@@ -328,6 +328,11 @@ impl Tile {
 
 impl Where {
     #[inline(always)]
+    pub(crate) fn or(self, other: Self) -> Self {
+        sse2! {{ Self(_mm_or_ps(self.0, other.0)) }}
+    }
+
+    #[inline(always)]
     pub(crate) fn and(self, other: Self) -> Self {
         sse2! {{ Self(_mm_and_ps(self.0, other.0)) }}
     }
