@@ -8,7 +8,7 @@ use std::process::Command;
 use serde_json::Value;
 
 /// Which rooms a room may use. What a room does not name here it does not know.
-const MAY_USE: [(&str, &[&str]); 10] = [
+const MAY_USE: [(&str, &[&str]); 11] = [
     ("control", &[]),
     ("kinematics", &[]),
     ("clay", &[]),
@@ -18,6 +18,10 @@ const MAY_USE: [(&str, &[&str]); 10] = [
     (
         "bilateral",
         &["control", "kinematics", "clay", "proto", "operator", "link"],
+    ),
+    (
+        "latency",
+        &["control", "clay", "proto", "operator", "link", "bilateral"],
     ),
     ("shell", &["proto", "link"]),
     (

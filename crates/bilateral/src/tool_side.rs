@@ -394,7 +394,12 @@ impl ToolSide {
 
     /// Distance between the tool and the image of the handle as last received, over the axes that reflect force, m.
     pub fn coordination_m(&self) -> f64 {
-        let wanted = Vec3::from(self.view.handle_position_m) * self.model.coupling().position_ratio;
+        self.distance_from_m(self.view.handle_position_m)
+    }
+
+    /// Distance between the tool and the image of a handle position, over the axes that reflect force, m.
+    pub fn distance_from_m(&self, handle_position_m: [f64; 3]) -> f64 {
+        let wanted = Vec3::from(handle_position_m) * self.model.coupling().position_ratio;
         let error = wanted - self.position;
         (0..self.model.axes)
             .map(|axis| error[axis] * error[axis])

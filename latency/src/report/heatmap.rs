@@ -1,0 +1,206 @@
+//! Heatmaps as SVG: one field a scheme, delay across, loss down, every cell with its figure in it.
+
+use std::fmt::Write;
+
+use super::{distinct, of_scheme};
+use crate::cell::SCHEMES;
+use crate::table::Row;
+
+/// What a heatmap shows.
+#[derive(Clone, Copy, Debug)]
+pub struct Measure {
+    /// Part of the file's name.
+    pub name: &'static str,
+    /// Title, with unit.
+    pub title: &'static str,
+    /// The figure of a row.
+    pub value: fn(&Row) -> f64,
+    /// Shown as good as nothing, and as bad as can be. Between them the scale is logarithmic.
+    pub scale: [f64; 2],
+    /// How a figure is written.
+    pub write: fn(f64) -> String,
+}
+
+impl Measure {
+    /// Every measure that has a picture.
+    pub const ALL: [Self; 3] = [
+        Self {
+            name: "force",
+            title: "Force error, % of the force without a network",
+            value: |row| row.force_nrmse * 100.0,
+            scale: [1.0, 200.0],
+            write: short,
+        },
+        Self {
+            name: "volume",
+            title: "Removed volume, % off",
+            value: |row| row.removed_volume_error * 100.0,
+            scale: [0.1, 50.0],
+            write: short,
+        },
+        Self {
+            name: "coordination",
+            title: "Tool and handle apart, mm",
+            value: |row| row.coordination_rmse_m * 1e3,
+            scale: [0.1, 50.0],
+            write: short,
+        },
+    ];
+}
+
+const CELL: [f64; 2] = [46.0, 22.0];
+const LEFT: f64 = 56.0;
+const GAP: f64 = 34.0;
+const TOP: f64 = 44.0;
+
+/// The picture of a measure at one jitter, or nothing when no row has it.
+pub fn heatmap(rows: &[Row], measure: &Measure, jitter_ratio: f64) -> Option<String> {
+    let at_jitter = |row: &&Row| row.jitter_ratio.to_bits() == jitter_ratio.to_bits();
+    let schemes: Vec<String> = SCHEMES
+        .iter()
+        .map(ToString::to_string)
+        .filter(|scheme| of_scheme(rows, scheme).any(|row| at_jitter(&row)))
+        .collect();
+    let all: Vec<&Row> = schemes
+        .iter()
+        .flat_map(|scheme| of_scheme(rows, scheme).filter(at_jitter))
+        .collect();
+    if all.is_empty() {
+        return None;
+    }
+    let delays = distinct(all.iter().map(|row| row.one_way_delay_s));
+    let losses = distinct(all.iter().map(|row| row.loss));
+    let field_height = CELL[1] * losses.len() as f64 + GAP;
+    let width = LEFT + CELL[0] * delays.len() as f64 + 12.0;
+    let height = TOP + field_height * schemes.len() as f64 + 24.0;
+    let mut svg = String::new();
+    // Writing into a string does not fail.
+    let _ = write!(
+        svg,
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width:.0} {height:.0}\" font-family=\"sans-serif\" font-size=\"11\">\
+         <rect width=\"100%\" height=\"100%\" fill=\"#ffffff\"/>\
+         <text x=\"{LEFT}\" y=\"20\" font-size=\"14\" font-weight=\"bold\" fill=\"#222222\">{}</text>\
+         <text x=\"{LEFT}\" y=\"35\" fill=\"#555555\">jitter {jitter_ratio} of the delay; hatched: swings by itself</text>\
+         <defs><pattern id=\"unstable\" width=\"6\" height=\"6\" patternUnits=\"userSpaceOnUse\" patternTransform=\"rotate(45)\">\
+         <line x1=\"0\" y1=\"0\" x2=\"0\" y2=\"6\" stroke=\"#000000\" stroke-width=\"1.5\" stroke-opacity=\"0.45\"/></pattern></defs>",
+        measure.title
+    );
+    for (number, scheme) in schemes.iter().enumerate() {
+        let top = TOP + field_height * number as f64;
+        let _ = write!(
+            svg,
+            "<text x=\"{LEFT}\" y=\"{:.0}\" font-weight=\"bold\" fill=\"#222222\">{scheme}</text>",
+            top + 13.0
+        );
+        for (down, loss) in losses.iter().enumerate() {
+            let y = top + 18.0 + CELL[1] * down as f64;
+            let _ = write!(
+                svg,
+                "<text x=\"{:.0}\" y=\"{:.0}\" text-anchor=\"end\" fill=\"#555555\">{:.0} % lost</text>",
+                LEFT - 4.0,
+                y + 15.0,
+                loss * 100.0
+            );
+            for (across, delay_s) in delays.iter().enumerate() {
+                let row = of_scheme(rows, scheme).filter(at_jitter).find(|row| {
+                    row.one_way_delay_s.to_bits() == delay_s.to_bits()
+                        && row.loss.to_bits() == loss.to_bits()
+                });
+                let x = LEFT + CELL[0] * across as f64;
+                if let Some(row) = row {
+                    write_cell(&mut svg, measure, row, [x, y]);
+                }
+            }
+        }
+    }
+    let y = height - 8.0;
+    for (across, delay_s) in delays.iter().enumerate() {
+        let x = LEFT + CELL[0] * (across as f64 + 0.5);
+        let _ = write!(
+            svg,
+            "<text x=\"{x:.0}\" y=\"{y:.0}\" text-anchor=\"middle\" fill=\"#555555\">{:.0} ms</text>",
+            delay_s * 1e3
+        );
+    }
+    svg.push_str("</svg>\n");
+    Some(svg)
+}
+
+fn write_cell(svg: &mut String, measure: &Measure, row: &Row, [x, y]: [f64; 2]) {
+    let value = (measure.value)(row);
+    let [good, bad] = measure.scale;
+    let heat = ((value.max(good) / good).ln() / (bad / good).ln()).clamp(0.0, 1.0);
+    let [r, g, b] = colour(heat);
+    let ink = if heat < 0.6 { "#222222" } else { "#ffffff" };
+    let [width, height] = CELL;
+    let _ = write!(
+        svg,
+        "<rect x=\"{x:.0}\" y=\"{y:.0}\" width=\"{:.0}\" height=\"{:.0}\" fill=\"rgb({r},{g},{b})\"/>",
+        width - 1.0,
+        height - 1.0
+    );
+    if !row.stable {
+        let _ = write!(
+            svg,
+            "<rect x=\"{x:.0}\" y=\"{y:.0}\" width=\"{:.0}\" height=\"{:.0}\" fill=\"url(#unstable)\"/>",
+            width - 1.0,
+            height - 1.0
+        );
+    }
+    let _ = write!(
+        svg,
+        "<text x=\"{:.0}\" y=\"{:.0}\" text-anchor=\"middle\" fill=\"{ink}\">{}</text>",
+        x + 0.5 * width,
+        y + 15.0,
+        (measure.write)(value)
+    );
+}
+
+/// From pale yellow by orange to dark red, lighter to darker all the way, so that it reads without colours as well.
+fn colour(heat: f64) -> [u8; 3] {
+    const STOPS: [[f64; 3]; 4] = [
+        [255.0, 250.0, 225.0],
+        [253.0, 190.0, 110.0],
+        [215.0, 70.0, 45.0],
+        [90.0, 0.0, 35.0],
+    ];
+    let place = heat * (STOPS.len() - 1) as f64;
+    let first = (place.floor() as usize).min(STOPS.len() - 2);
+    let share = place - first as f64;
+    std::array::from_fn(|channel| {
+        let (from, to) = (STOPS[first][channel], STOPS[first + 1][channel]);
+        (from + share * (to - from)).round() as u8
+    })
+}
+
+fn short(value: f64) -> String {
+    if value.abs() <= 0.0 {
+        "0".to_owned()
+    } else if value < 0.01 {
+        "<.01".to_owned()
+    } else if value < 1.0 {
+        format!("{value:.2}")
+    } else if value < 10.0 {
+        format!("{value:.1}")
+    } else {
+        format!("{value:.0}")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn more_heat_is_darker() {
+        let light = |heat| {
+            let [r, g, b] = colour(heat).map(f64::from);
+            0.2126 * r + 0.7152 * g + 0.0722 * b
+        };
+        let shades: Vec<f64> = (0..=20).map(|step| light(f64::from(step) / 20.0)).collect();
+        assert!(
+            shades.windows(2).all(|pair| pair[1] < pair[0]),
+            "{shades:?}"
+        );
+    }
+}

@@ -1,0 +1,23 @@
+//! The rows as Markdown and as pictures.
+
+mod heatmap;
+mod markdown;
+
+pub use heatmap::{Measure, heatmap};
+pub use markdown::markdown;
+
+use crate::table::Row;
+
+/// The rows of the grid of one scheme, without the special lines.
+fn of_scheme<'a>(rows: &'a [Row], scheme: &'a str) -> impl Iterator<Item = &'a Row> {
+    rows.iter()
+        .filter(move |row| row.scheme == scheme && row.profile == "iid")
+}
+
+/// Values that occur, in order, each once.
+fn distinct(values: impl Iterator<Item = f64>) -> Vec<f64> {
+    let mut values: Vec<f64> = values.collect();
+    values.sort_by(f64::total_cmp);
+    values.dedup_by(|a, b| a.to_bits() == b.to_bits());
+    values
+}
