@@ -25,8 +25,16 @@ export default defineConfig({
   },
   server: {
     proxy: {
-      // The server checks the Origin of a WebSocket: through the proxy it must see its own.
-      "/api": { target: server, ws: true, changeOrigin: true, rewriteWsOrigin: true },
+      // The server checks the Origin of whatever changes something: through the proxy it must see its own.
+      "/api": {
+        target: server,
+        ws: true,
+        changeOrigin: true,
+        rewriteWsOrigin: true,
+        configure: (proxy) => proxy.on("proxyReq", (request) => {
+          if (request.hasHeader("origin")) request.setHeader("origin", server);
+        }),
+      },
       "/healthz": { target: server },
       "/readyz": { target: server },
     },

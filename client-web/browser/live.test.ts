@@ -100,7 +100,7 @@ describe("the Live page", () => {
     expect(await field.getByRole("textbox").inputValue()).toBe("0");
     await live.keep("refused");
     // The browser logs the answer's status by itself.
-    live.complaints.splice(0, live.complaints.length, ...live.complaints.filter((text) => !text.includes("status of 422")));
+    live.forgive("status of 422");
     await live.set("/network/up/delay_s", "wide");
     expect(await field.getByRole("alert").innerText()).toContain("not a number");
     await live.set("/network/up/delay_s", "1");
@@ -108,13 +108,33 @@ describe("the Live page", () => {
     await live.set("/network/up/delay_s", "0");
   });
 
-  it("switches the scheme and the material on the running loop", async () => {
+  it("offers every scheme: the loop takes it, or the page says in the server's words why not", async () => {
     explain();
-    const others = live.page.getByTestId("/scheme").getByRole("radio");
-    for (const scheme of await others.evaluateAll((inputs) => inputs.map((input) => (input instanceof HTMLInputElement ? input.value : "")))) {
-      await live.page.getByTestId("/scheme").locator(`input[value=${scheme}]`).check();
-      await until(`the scheme is ${scheme}`, async () => (await teleclay.session()).scheme === scheme);
+    const choice = live.page.getByTestId("/scheme");
+    const schemes = await choice.getByRole("radio").evaluateAll((inputs) =>
+      inputs.map((input) => (input instanceof HTMLInputElement ? input.value : "")));
+    expect(schemes).toEqual(["force_exchange", "position_force", "wave", "tdpa", "replica"]);
+    let taken = 0;
+    for (const scheme of schemes) {
+      await choice.locator(`input[value=${scheme}]`).click();
+      const edit = await until(`${scheme} is answered`, async () => {
+        const now = await choice.getAttribute("data-edit");
+        return now === "settled" || now === "refused" ? now : undefined;
+      });
+      if (edit === "settled") {
+        taken += 1;
+        expect((await teleclay.session()).scheme).toBe(scheme);
+        expect(await choice.getByRole("alert").count()).toBe(0);
+      } else expect(await choice.getByRole("alert").innerText()).toBe(await teleclay.refusalOfScheme(scheme));
     }
+    expect(taken).toBeGreaterThan(0);
+    await choice.locator("input[value=force_exchange]").click();
+    await until("the scheme is the first again", async () => (await teleclay.session()).scheme === "force_exchange");
+    live.forgive("status of 422");
+  });
+
+  it("changes the material on the running loop", async () => {
+    explain();
     await live.set("/material/viscosity_pa_s_per_m", "123");
     await until("the clay is another", async () => (await teleclay.session()).material.viscosity_pa_s_per_m === 123_000);
   });

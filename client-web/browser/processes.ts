@@ -5,7 +5,7 @@ import { mkdtempSync, rmSync } from "node:fs";
 import { createServer } from "node:net";
 import { tmpdir } from "node:os";
 import { join, resolve } from "node:path";
-import { decodeSession } from "../src/protocol/text";
+import { decodeProblem, decodeSession } from "../src/protocol/text";
 import type { Session } from "../src/protocol/session";
 import { until } from "./until";
 
@@ -102,6 +102,16 @@ export class Teleclay {
 
   async session(): Promise<Session> {
     return decodeSession(await (await fetch(`${this.url}/api/v1/sessions/${SESSION}`)).text());
+  }
+
+  /** What the server says against a scheme, in its own words; nothing when it takes it. */
+  async refusalOfScheme(scheme: string): Promise<string | undefined> {
+    const answer = await fetch(`${this.url}/api/v1/sessions/${SESSION}`, {
+      method: "PATCH",
+      headers: { "content-type": "application/json" },
+      body: JSON.stringify({ scheme }),
+    });
+    return answer.ok ? undefined : decodeProblem(await answer.text())?.detail;
   }
 
   /** Everything ends; nothing is left behind. */

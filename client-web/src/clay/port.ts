@@ -2,7 +2,12 @@
 
 import type { BrickMesh } from "./surface";
 
+/** `half`: voxels of twice the edge, for machines that draw slowly. */
+export type Detail = "full" | "half";
+
 export type ToWorker =
+  /** Comes first of all, once. */
+  | { readonly type: "detail"; readonly detail: Detail }
   | { readonly type: "bricks"; readonly bytes: ArrayBuffer }
   /** A new view: it holds no mesh yet. */
   | { readonly type: "everything" };

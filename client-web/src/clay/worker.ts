@@ -3,9 +3,10 @@
 import { decodeBricks } from "../protocol/bricks";
 import { BRICK_EDGE } from "../protocol/packing";
 import { coarse } from "./coarse";
+import { halved } from "./halved";
 import { ClayMirror } from "./mirror";
 import { Neighbourhood } from "./neighbourhood";
-import type { ClayUpdate, MeshedBrick, ToWorker } from "./port";
+import type { ClayUpdate, Detail, MeshedBrick, ToWorker } from "./port";
 import { SurfaceFinder } from "./surface";
 
 /** Meshes are handed over this often, ms, so that a whole new block appears piece by piece and messages get their turn. */
@@ -16,10 +17,15 @@ const REST_MS = navigator.hardwareConcurrency <= 2 ? SLICE_MS : 0;
 const mirror = new ClayMirror();
 const around = new Neighbourhood();
 const finder = new SurfaceFinder();
+let detail: Detail = "full";
 let regridded = false;
 let working = false;
 
 self.onmessage = ({ data }: MessageEvent<ToWorker>): void => {
+  if (data.type === "detail") {
+    detail = data.detail;
+    return;
+  }
   if (data.type === "everything") {
     mirror.markAll();
     regridded = 0 < mirror.voxel_size_m;
@@ -31,7 +37,8 @@ self.onmessage = ({ data }: MessageEvent<ToWorker>): void => {
 
 function takeIn(bytes: ArrayBuffer): void {
   try {
-    regridded = mirror.apply(decodeBricks(bytes)) || regridded;
+    const message = decodeBricks(bytes);
+    regridded = mirror.apply(detail === "half" ? halved(message, mirror) : message) || regridded;
   } catch (error) {
     post({ type: "undecodable", reason: error instanceof Error ? error.message : String(error) });
   }

@@ -4,10 +4,19 @@ import * as THREE from "three";
 import { MeshArena, type Stretch } from "../clay/arena";
 import { COARSE_EDGE } from "../clay/coarse";
 import type { Meshes } from "../clay/port";
-import { type Block, type ClayMaterial, clayMaterial } from "./clay_material";
+import type { Vector } from "../protocol/session";
+import { type ClayMaterial, clayMaterial } from "./clay_material";
 import type { Quality } from "./quality";
 
 const MM_PER_M = 1000;
+
+/** The block on show, as it was when it was fresh: metres, in the clay's frame. */
+export interface BlockDescription {
+  readonly size_m: Vector;
+  /** Heights of its level faces, and where its steps stand along x. */
+  readonly heights_m: readonly number[];
+  readonly steps_m: readonly number[];
+}
 
 export class ClayMesh {
   readonly mesh: THREE.Mesh;
@@ -18,6 +27,9 @@ export class ClayMesh {
   #indices: THREE.BufferAttribute | undefined;
   #occupancy = occupancyTexture([0, 0, 0]);
   #bricksPerAxis: readonly [number, number, number] = [0, 0, 0];
+  /** Of the mesh, which may be coarser than the clay; 0 before the first. */
+  #voxel_size_m = 0;
+  #block: BlockDescription | undefined;
 
   constructor(quality: Quality) {
     this.#look = clayMaterial(quality);
@@ -44,8 +56,9 @@ export class ClayMesh {
     this.#upload();
   }
 
-  setBlock(block: Block): void {
-    this.#look.setBlock(block);
+  setBlock(block: BlockDescription): void {
+    this.#block = block;
+    this.#describe();
   }
 
   dispose(): void {
@@ -60,8 +73,22 @@ export class ClayMesh {
     this.#occupancy.dispose();
     this.#occupancy = occupancyTexture(update.bricks_per_axis);
     this.#look.setOccupancy(this.#occupancy);
+    this.#voxel_size_m = update.voxel_size_m;
+    this.#describe();
     this.mesh.scale.setScalar(update.voxel_size_m * MM_PER_M);
     this.mesh.visible = true;
+  }
+
+  /** The material counts in the mesh's voxels. */
+  #describe(): void {
+    if (this.#block === undefined || this.#voxel_size_m === 0) return;
+    const { size_m, heights_m, steps_m } = this.#block;
+    const inVoxels = (metres: number): number => metres / this.#voxel_size_m;
+    this.#look.setBlock({
+      size: new THREE.Vector3(...size_m.map(inVoxels)),
+      heights: heights_m.map(inVoxels),
+      steps: steps_m.map(inVoxels),
+    });
   }
 
   #putCoarse(index: number, coarse: Uint8Array): void {

@@ -5,7 +5,7 @@ import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
 import type { Meshes } from "../clay/port";
 import type { ToolShape, Vector } from "../protocol/session";
 import { Arrow } from "./arrow";
-import { ClayMesh } from "./clay_mesh";
+import { type BlockDescription, ClayMesh } from "./clay_mesh";
 import { Finish } from "./finish";
 import type { StageColours } from "./ground";
 import { COARSEST, DISPLAY, Pace, PROCESSOR } from "./pace";
@@ -18,15 +18,6 @@ export interface ViewColours extends StageColours {
   readonly hand: string;
   readonly felt: string;
   readonly tool: string;
-}
-
-/** The block on show: metres, in the clay's frame. */
-export interface BlockDescription {
-  readonly voxel_size_m: number;
-  readonly size_m: Vector;
-  /** Heights of the fresh block's level faces and where its steps stand along x. */
-  readonly heights_m: readonly number[];
-  readonly steps_m: readonly number[];
 }
 
 /** One moment, in the clay's frame. */
@@ -52,7 +43,9 @@ const FIELD_OF_VIEW_DEG = 28;
 /** The tool's path runs in the surface it leaves behind: a little above, it can be seen. */
 const TRAIL_LIFT_MM = 0.7;
 /** Shadows cost about as much as the picture: on a slow machine they follow a little behind. */
-const SHADOWS_EVERY_MS: Record<Quality, number> = { fine: 0, plain: 400 };
+const SHADOWS_EVERY_MS: Record<Quality, number> = { fine: 0, plain: 1500 };
+/** Where the processor draws, it does something else for this many times as long as a frame took. */
+const REST = 2;
 
 export class ClayView {
   readonly #renderer: THREE.WebGLRenderer;
@@ -80,6 +73,7 @@ export class ClayView {
   #changed = true;
   #shadowsDue = true;
   #shadows_ms = Number.NEGATIVE_INFINITY;
+  #rest_until_ms = Number.NEGATIVE_INFINITY;
   #look: Look | undefined = "corner";
   #posed: readonly number[] = [Number.NaN];
   #trailed: readonly number[] = [];
@@ -129,13 +123,7 @@ export class ClayView {
   }
 
   setBlock(block: BlockDescription): void {
-    const perVoxel = 1 / block.voxel_size_m;
-    const voxels = new THREE.Vector3(...block.size_m).multiplyScalar(perVoxel);
-    this.#clay.setBlock({
-      size: voxels,
-      heights: block.heights_m.map((z) => z * perVoxel),
-      steps: block.steps_m.map((x) => x * perVoxel),
-    });
+    this.#clay.setBlock(block);
     const size = new THREE.Vector3(...block.size_m).multiplyScalar(MM_PER_M);
     if (!size.equals(this.#size)) {
       this.#size = size;
@@ -226,7 +214,7 @@ export class ClayView {
   draw(now_ms: number): boolean {
     this.#orbit.update();
     const shadows = this.#shadowsDue && SHADOWS_EVERY_MS[this.#quality] <= now_ms - this.#shadows_ms;
-    if (!(this.#changed || shadows) || this.#finish?.isAhead === true) return false;
+    if (!(this.#changed || shadows) || this.#finish?.isAhead === true || now_ms < this.#rest_until_ms) return false;
     this.#changed = false;
     if (shadows) {
       this.#renderer.shadowMap.needsUpdate = true;
@@ -252,6 +240,7 @@ export class ClayView {
   };
 
   readonly #onFinish = (duration_ms: number): void => {
+    this.#rest_until_ms = performance.now() + REST * duration_ms;
     if (this.#pace.take(duration_ms)) this.#fitCanvas();
   };
 

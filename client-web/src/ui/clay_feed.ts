@@ -1,31 +1,34 @@
 // The clay worker, seen from the page. It outlives the view, so that leaving the page and coming back loses no clay.
 
-import type { ClayUpdate, Meshes, ToWorker } from "../clay/port";
+import type { ClayUpdate, Detail, Meshes, ToWorker } from "../clay/port";
 
 export class ClayFeed {
   readonly #worker = new Worker(new URL("../clay/worker.ts", import.meta.url), { type: "module" });
   #onMeshes: ((update: Meshes) => void) | undefined;
 
-  constructor(onUndecodable: (reason: string) => void) {
+  constructor(detail: Detail, onUndecodable: (reason: string) => void) {
     this.#worker.onmessage = ({ data }: MessageEvent<ClayUpdate>) => {
       if (data.type === "undecodable") onUndecodable(data.reason);
       else this.#onMeshes?.(data);
     };
+    this.#post({ type: "detail", detail });
   }
 
   /** Passes a brick message on; its bytes are the worker's from here on. */
   send(bytes: ArrayBuffer): void {
-    const message: ToWorker = { type: "bricks", bytes };
-    this.#worker.postMessage(message, [bytes]);
+    this.#post({ type: "bricks", bytes }, [bytes]);
   }
 
   /** Sends all meshes to `onMeshes`, and every change from here on. Returns what ends that. */
   watch(onMeshes: (update: Meshes) => void): () => void {
     this.#onMeshes = onMeshes;
-    const message: ToWorker = { type: "everything" };
-    this.#worker.postMessage(message);
+    this.#post({ type: "everything" });
     return () => {
       if (this.#onMeshes === onMeshes) this.#onMeshes = undefined;
     };
+  }
+
+  #post(message: ToWorker, owned: Transferable[] = []): void {
+    this.#worker.postMessage(message, owned);
   }
 }

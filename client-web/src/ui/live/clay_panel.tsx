@@ -4,9 +4,9 @@ import { useSignal, useSignalEffect, useComputed, type Signal } from "@preact/si
 import type { JSX } from "preact";
 import { useEffect, useRef } from "preact/hooks";
 import { Channel } from "../../protocol/telemetry";
-import type { Quality } from "../../scene/quality";
 import { ClayView, type Look, type ViewColours } from "../../scene/view";
 import { onFrame } from "../frame";
+import { wantedQuality } from "../picture_quality";
 import { clayFeed, live } from "../store";
 import { isDark } from "../theme";
 import { arrowScale } from "./arrow_scale";
@@ -51,12 +51,11 @@ export function ClayPanel(): JSX.Element {
   }, [isDark.value]);
   const tool = useComputed(() => live.session.value?.tool);
   const block = useComputed(() => live.session.value?.clay.shape);
-  const voxel_size_m = useComputed(() => live.session.value?.clay.voxel_size_m);
   useSignalEffect(() => {
     if (tool.value !== undefined) view.current?.setTool(tool.value);
   });
   useSignalEffect(() => {
-    if (block.value !== undefined && voxel_size_m.value !== undefined) view.current?.setBlock(blockOf(block.value, voxel_size_m.value));
+    if (block.value !== undefined) view.current?.setBlock(blockOf(block.value));
   });
 
   return (
@@ -140,12 +139,6 @@ function followLoop(
       frames = 0;
     }
   });
-}
-
-/** `#/live?picture=fine` draws all there is on any machine, for pictures; `picture=plain` spares one. */
-function wantedQuality(): Quality | undefined {
-  const wanted = new URLSearchParams(location.hash.split("?").at(1)).get("picture");
-  return wanted === "fine" || wanted === "plain" ? wanted : undefined;
 }
 
 function coloursOf(element: Element): ViewColours {

@@ -11,10 +11,10 @@ describe("a moment", () => {
   });
 
   it("knows the faces of a fresh block", () => {
-    expect(blockOf({ kind: "block", size_m: [0.128, 0.064, 0.05] }, 5e-4)).toEqual({
-      voxel_size_m: 5e-4, size_m: [0.128, 0.064, 0.05], heights_m: [0.05], steps_m: [0, 0.128],
+    expect(blockOf({ kind: "block", size_m: [0.128, 0.064, 0.05] })).toEqual({
+      size_m: [0.128, 0.064, 0.05], heights_m: [0.05], steps_m: [0, 0.128],
     });
-    const stepped = blockOf({ kind: "stepped", edges_m: [0.03, 0.06, 0.09], depths_of_cut_m: [0.01, 0.03], base_m: 0.01, width_m: 0.064 }, 5e-4);
+    const stepped = blockOf({ kind: "stepped", edges_m: [0.03, 0.06, 0.09], depths_of_cut_m: [0.01, 0.03], base_m: 0.01, width_m: 0.064 });
     expect(stepped.size_m).toEqual([0.09, 0.064, 0.04]);
     expect(stepped.heights_m).toEqual([0.02, 0.04]);
     expect(stepped.steps_m).toEqual([0.03, 0.06, 0.09]);

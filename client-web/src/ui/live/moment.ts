@@ -3,7 +3,8 @@
 import type { ClayShape, Session, ToolState, Vector } from "../../protocol/session";
 import { Channel } from "../../protocol/telemetry";
 import type { History } from "../../state/history";
-import type { BlockDescription, Pose } from "../../scene/view";
+import type { BlockDescription } from "../../scene/clay_mesh";
+import type { Pose } from "../../scene/view";
 
 export function poseOf(session: Session, tool: ToolState, history: History, time_s: number): Pose {
   if (history.isEmpty) {
@@ -30,14 +31,14 @@ export function inClay(session: Session, tool: ToolState, handle_m: Vector): Vec
 }
 
 /** The fresh block, as far as the picture needs it. */
-export function blockOf(shape: ClayShape, voxel_size_m: number): BlockDescription {
+export function blockOf(shape: ClayShape): BlockDescription {
   if (shape.kind === "block") {
     const size_m: Vector = shape.size_m ?? [0, 0, 0];
-    return { voxel_size_m, size_m, heights_m: [size_m[2]], steps_m: [0, size_m[0]] };
+    return { size_m, heights_m: [size_m[2]], steps_m: [0, size_m[0]] };
   }
   const { edges_m = [], depths_of_cut_m = [], base_m = 0, width_m = 0 } = shape;
   const size_m: Vector = [edges_m.at(-1) ?? 0, width_m, base_m + Math.max(0, ...depths_of_cut_m)];
-  return { voxel_size_m, size_m, heights_m: depths_of_cut_m.map((depth) => base_m + depth), steps_m: edges_m };
+  return { size_m, heights_m: depths_of_cut_m.map((depth) => base_m + depth), steps_m: edges_m };
 }
 
 export function length(vector: Vector): number {
