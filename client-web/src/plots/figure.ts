@@ -79,7 +79,7 @@ interface Frame {
 }
 
 const FONT = "12px system-ui, -apple-system, 'Segoe UI', Roboto, 'Noto Sans', 'DejaVu Sans', sans-serif";
-const MARGIN = { left: 58, top: 10, right: 14, bottom: 42 };
+const MARGIN = { left: 58, top: 10, right: 22, bottom: 42 };
 const TEXT_GAP = 8;
 
 export class Figure {

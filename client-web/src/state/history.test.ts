@@ -18,7 +18,7 @@ describe("history", () => {
       history.append(batch(n * 0.02, 20, (t) => (Math.abs(t - 3.3335) < 6e-4 ? 100 : Math.abs(t - 7.7775) < 6e-4 ? -50 : Math.sin(t))));
     }
     for (const wanted of [40, 173, 600]) {
-      const points = history.envelope(Channel.tool_force_n, columnsUntil(history.newest_s, 10, wanted)).filter((p) => p !== null);
+      const points = history.envelope([{ channel: Channel.tool_force_n, factor: 1 }], columnsUntil(history.newest_s, 10, wanted)).filter((p) => p !== null);
       expect(Math.max(...points)).toBe(100);
       expect(Math.min(...points)).toBe(-50);
     }
@@ -41,7 +41,7 @@ describe("history", () => {
     history.append(batch(0, 1000, () => 1));
     history.append({ ...batch(3, 1000, () => 2), dropped: 2000 });
     const columns = columnsUntil(history.newest_s, 4, 40);
-    const points = history.envelope(Channel.tool_force_n, columns);
+    const points = history.envelope([{ channel: Channel.tool_force_n, factor: 1 }], columns);
     const times = timesOf(columns, history.newest_s);
     for (const [n, time] of times.entries()) {
       const at_s = time + history.newest_s;
@@ -54,7 +54,7 @@ describe("history", () => {
   it("forgets the oldest samples and keeps every younger one", () => {
     const history = new History();
     for (let n = 0; n < 1500; n += 1) history.append(batch(n * 0.02, 20, (t) => t));
-    const points = history.envelope(Channel.tool_force_n, columnsUntil(history.newest_s, 10, 100)).filter((p) => p !== null);
+    const points = history.envelope([{ channel: Channel.tool_force_n, factor: 1 }], columnsUntil(history.newest_s, 10, 100)).filter((p) => p !== null);
     expect(Math.min(...points)).toBeCloseTo(20, 0);
     expect(Math.max(...points)).toBeCloseTo(29.999, 3);
     expect(points.length).toBeGreaterThan(198);
@@ -101,6 +101,6 @@ function batch(first_time_s: number, count: number, force_n: (time_s: number) =>
 /** The points of each column, by the column's number. */
 function byColumn(history: History): Map<number, (number | null)[]> {
   const columns = columnsUntil(history.newest_s, 1.5, 60);
-  const points = history.envelope(Channel.tool_force_n, columns);
+  const points = history.envelope([{ channel: Channel.tool_force_n, factor: 1 }], columns);
   return new Map(Array.from({ length: columns.count }, (_, n) => [columns.first + n, points.slice(2 * n, 2 * n + 2)]));
 }

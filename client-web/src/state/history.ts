@@ -7,6 +7,12 @@ const CAPACITY = 1 << 14;
 /** A step back in time of more than this is another run of the server, s. */
 const BACKWARDS_S = 0.5;
 
+/** A share of a channel: what is plotted is a sum of such. */
+export interface Term {
+  readonly channel: number;
+  readonly factor: number;
+}
+
 /** Two points per column, in the order in which they happened; `null` where nothing was received. */
 export type Envelope = (number | null)[];
 
@@ -101,11 +107,10 @@ export class History {
   }
 
   /**
-   * The least and the greatest value of a channel in each of the columns that cover the `span_s` before `until_s`, so
-   * that no peak is lost however narrow the plot. Columns begin at whole multiples of their width: they move with the
-   * data, and the drawn shape does not flicker.
+   * The least and the greatest value of a sum of channels in each of the columns, so that no peak is lost however narrow the
+   * plot. Columns begin at whole multiples of their width: they move with the data, and the drawn shape does not flicker.
    */
-  envelope(channel: number, columns: Columns): Envelope {
+  envelope(terms: readonly Term[], columns: Columns): Envelope {
     const points: Envelope = new Array<number | null>(2 * columns.count).fill(null);
     let column = -1;
     let [least, greatest, leastFirst, any] = [0, 0, true, false];
@@ -119,7 +124,8 @@ export class History {
       const at = Math.floor(this.#time_s[slot] / columns.width_s) - columns.first;
       if (at < 0) continue;
       if (columns.count <= at) break;
-      const value = this.#values[channel * CAPACITY + slot];
+      let value = 0;
+      for (const { channel, factor } of terms) value += factor * this.#values[channel * CAPACITY + slot];
       if (at !== column) {
         flush();
         column = at;

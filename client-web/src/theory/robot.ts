@@ -1,7 +1,7 @@
 // The parallel robot, as far as the picture needs it at every frame: [KHMH03] (6)-(12). The server's answers count; a test holds
 // this against the reference, and another against the server. Metres, radians; arms j = 0, 1, 2.
 
-import type { Branch, RobotGeometry, Sign, Triple } from "../protocol/theory";
+import type { Branch, RobotGeometry, Sign, Triple, WorkspaceAnswer } from "../protocol/theory";
 
 export const BRANCHES: readonly Branch[] = ([1, -1] as const).flatMap((a) =>
   ([1, -1] as const).flatMap((b) => ([1, -1] as const).map((c): Branch => [a, b, c])));
@@ -54,6 +54,19 @@ export function jointAt(geometry: RobotGeometry, position_m: Triple, sign: Sign,
 export function directionOf(geometry: RobotGeometry, arm: number): readonly [number, number] {
   const angle = (geometry.arm_angles_deg[arm] * Math.PI) / 180;
   return [Math.cos(angle), Math.sin(angle)];
+}
+
+/** Height of the most dexterous cell of the column in the middle; nothing when the axis is out of reach. */
+export function bestHeight({ region_m: [low, high], cells: [nx, ny, nz], dexterity }: WorkspaceAnswer): number | undefined {
+  const column = Math.floor(nx / 2) + nx * Math.floor(ny / 2);
+  let best: { readonly z: number; readonly dexterity: number } | undefined;
+  for (let z = 0; z < nz; z += 1) {
+    const here = dexterity[column + nx * ny * z];
+    // Above the base, where elbows bend outwards; the mirror image below serves as well.
+    const height = low[2] + ((z + 0.5) / nz) * (high[2] - low[2]);
+    if (here !== null && 0 < height && (best === undefined || best.dexterity < here)) best = { z: height, dexterity: here };
+  }
+  return best?.z;
 }
 
 function armAt(geometry: RobotGeometry, position_m: Triple, joint_rad: number, arm: number): ArmPose {

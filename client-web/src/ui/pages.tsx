@@ -2,7 +2,10 @@
 
 import { signal, type ReadonlySignal } from "@preact/signals";
 import type { ComponentType } from "preact";
+import { ExperimentPage } from "./experiment/experiment_page";
+import { LatencyPage } from "./latency/latency_page";
 import { LivePage } from "./live/live_page";
+import { RobotPage } from "./robot/robot_page";
 import { StabilityPage } from "./stability/stability_page";
 
 export interface Page {
@@ -14,7 +17,10 @@ export interface Page {
 
 export const PAGES: readonly Page[] = [
   { path: "live", title: "Live", component: LivePage },
+  { path: "experiment", title: "Experiment", component: ExperimentPage },
   { path: "stability", title: "Stability", component: StabilityPage },
+  { path: "robot", title: "Robot", component: RobotPage },
+  { path: "latency", title: "Latency", component: LatencyPage },
 ];
 
 const current = signal(pageInAddress());

@@ -1,13 +1,16 @@
 // The one connection of this page, and the clay worker that it feeds.
 
 import { Live } from "../state/live";
+import { Tables } from "../state/tables";
 import { Theory } from "../state/theory";
 import { browser } from "./browser";
 import { ClayFeed } from "./clay_feed";
+import { pictureQuality } from "./picture_quality";
 
 export const live = new Live(browser);
 export const theory = new Theory(browser);
-export const clayFeed = new ClayFeed((reason) => live.report("error", `clay not understood: ${reason}`));
+export const tables = new Tables(browser);
+export const clayFeed = new ClayFeed(pictureQuality() === "plain" ? "half" : "full", (reason) => live.report("error", `clay not understood: ${reason}`));
 
 /** Starts the connection: the address may name a session, as in `#/live?session=demo`. */
 export function start(): void {

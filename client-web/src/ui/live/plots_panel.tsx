@@ -1,93 +1,53 @@
-// Force, position and velocity of hand and tool over the last ten seconds, along one axis.
+// What hand, tool and link did over the last ten seconds.
 
-import { useSignal, type Signal } from "@preact/signals";
+import { useSignal, type ReadonlySignal, type Signal } from "@preact/signals";
 import type { JSX } from "preact";
 import { useEffect, useRef } from "preact/hooks";
 import { StripChart } from "../../plots/strip";
-import { Channel } from "../../protocol/telemetry";
-import type { Session, ToolState } from "../../protocol/session";
 import { columnsUntil, type Envelope, timesOf } from "../../state/history";
+import { Choice } from "../choice";
 import { fixed } from "../format";
 import { onFrame } from "../frame";
 import { live } from "../store";
 import { isDark } from "../theme";
+import { PLOT_SETS, type PlotSet, type PlotSpec } from "./plot_sets";
 
 const SPAN_S = 10;
 /** Ten seconds on three hundred pixels move by one in thirty milliseconds: more frames cannot be seen. */
 const LEAST_MS = 30;
 const AXES = ["x", "y", "z"] as const;
 
-interface CurveSpec {
-  readonly label: string;
-  readonly colour: string;
-  /** Curves that lie on one another are told apart by their width: what is drawn first is wider. */
-  readonly width?: number;
-  readonly channel: number;
-  /** Shown value of a telemetry value, for an axis. */
-  readonly shown: (value: number, axis: number, session: Session, tool: ToolState) => number;
-}
-
-interface PlotSpec {
-  readonly title: string;
-  readonly unit: string;
-  readonly places: number;
-  readonly least: number;
-  readonly curves: readonly CurveSpec[];
-}
-
-const asItIs = (value: number): number => value;
-const inMm = (value: number): number => 1000 * value;
-const handleInMm = (value: number, axis: number, session: Session, tool: ToolState): number =>
-  1000 * (tool.home_m[axis] + session.position_ratio * value);
-const handleSpeedInMm = (value: number, _axis: number, session: Session): number => 1000 * session.position_ratio * value;
-
-const PLOTS: readonly PlotSpec[] = [
-  {
-    title: "Force", unit: "N", places: 2, least: 0.2,
-    curves: [
-      { label: "hand", colour: "--hand", width: 3, channel: Channel.hand_force_n, shown: asItIs },
-      { label: "felt", colour: "--felt", width: 3, channel: Channel.felt_force_n, shown: asItIs },
-      { label: "tool", colour: "--tool", channel: Channel.tool_force_n, shown: asItIs },
-    ],
-  },
-  {
-    title: "Position", unit: "mm", places: 1, least: 2,
-    curves: [
-      { label: "hand", colour: "--hand", width: 3, channel: Channel.handle_position_m, shown: handleInMm },
-      { label: "tool", colour: "--tool", channel: Channel.tool_position_m, shown: inMm },
-    ],
-  },
-  {
-    title: "Velocity", unit: "mm/s", places: 0, least: 5,
-    curves: [
-      { label: "hand", colour: "--hand", width: 3, channel: Channel.handle_velocity_m_s, shown: handleSpeedInMm },
-      { label: "tool", colour: "--tool", channel: Channel.tool_velocity_m_s, shown: inMm },
-    ],
-  },
-];
+/** Which set of plots is on show; it outlives the panel. */
+const SETS = [
+  { value: "motion", text: "motion", title: "force, position and velocity of hand and tool" },
+  { value: "link", text: "link", title: "energy at both ports, what the hand feels against what the clay does, round trip" },
+] as const;
 
 export function PlotsPanel(): JSX.Element {
+  const set = useSignal<PlotSet>("motion");
   const axis = useSignal(0);
   /** While the mouse is on a plot, all of them hold still. */
   const held = useSignal(false);
   return (
     <section class="panel plots" aria-label="Plots of the last ten seconds" onPointerLeave={() => { held.value = false; }}>
-      <div class="segmented axes" role="radiogroup" aria-label="Axis">
-        {AXES.map((name, n) => (
-          <label key={name}>
-            <input type="radio" name="axis" checked={axis.value === n} onChange={() => { axis.value = n; }} />
-            <span>{name}</span>
-          </label>
-        ))}
+      <div class="axes">
+        <Choice name="plots" label="Plots" options={SETS} value={set.value} onChoose={(value) => { set.value = value; }} />
+        <Choice
+          name="axis"
+          label="Axis"
+          options={AXES.map((value) => ({ value, text: value }))}
+          value={AXES[axis.value]}
+          onChoose={(name) => { axis.value = AXES.indexOf(name); }}
+        />
       </div>
-      {PLOTS.map((spec) => <Strip key={spec.title} spec={spec} axis={axis} held={held} />)}
+      {PLOT_SETS[set.value].map((spec) => <Strip key={spec.name} spec={spec} axis={axis} held={held} />)}
     </section>
   );
 }
 
 interface StripProps {
   readonly spec: PlotSpec;
-  readonly axis: Signal<number>;
+  readonly axis: ReadonlySignal<number>;
   readonly held: Signal<boolean>;
 }
 
@@ -125,7 +85,7 @@ function Strip({ spec, axis, held }: StripProps): JSX.Element {
   useEffect(() => chart.current?.recolour(), [isDark.value]);
 
   return (
-    <figure class="strip" data-testid={`plot-${spec.title.toLowerCase()}`}>
+    <figure class="strip" data-testid={`plot-${spec.name}`} title={spec.says}>
       <figcaption>
         <strong>{spec.title}</strong> <span class="faint">{spec.unit}</span>
         <span class="spacer" />
@@ -143,7 +103,7 @@ function Strip({ spec, axis, held }: StripProps): JSX.Element {
 }
 
 /** Draws as time goes on, as often as can be seen, and not while the plots are held. */
-function followHistory(chart: StripChart, spec: PlotSpec, axis: Signal<number>, held: Signal<boolean>): () => void {
+function followHistory(chart: StripChart, spec: PlotSpec, axis: ReadonlySignal<number>, held: Signal<boolean>): () => void {
   let drawn = { time_s: Number.NaN, axis: -1 };
   let last_ms = Number.NEGATIVE_INFINITY;
   return onFrame((now_ms) => {
@@ -158,8 +118,10 @@ function followHistory(chart: StripChart, spec: PlotSpec, axis: Signal<number>, 
     drawn = now;
     last_ms = now_ms;
     const columns = columnsUntil(now.time_s, SPAN_S, chart.columns);
-    chart.update(timesOf(columns, now.time_s), spec.curves.map(({ channel, shown }): Envelope =>
-      history.envelope(channel + now.axis, columns).map((value) =>
-        value === null ? null : shown(value, now.axis, session, tool))));
+    chart.update(timesOf(columns, now.time_s), spec.curves.map(({ terms, offset }): Envelope => {
+      const moment = { axis: now.axis, session, tool };
+      const level = offset?.(moment) ?? 0;
+      return history.envelope(terms(moment), columns).map((value) => (value === null ? null : level + value));
+    }));
   });
 }

@@ -2,16 +2,9 @@
 
 import { useComputed } from "@preact/signals";
 import type { JSX } from "preact";
-import { type Scheme, SCHEMES } from "../../protocol/session";
+import { SCHEMES } from "../../protocol/session";
+import { SCHEME_WORDS } from "../scheme_words";
 import { live } from "../store";
-
-const WORDS: Record<Scheme, { name: string; says: string }> = {
-  force_exchange: { name: "Force exchange", says: "Each side moves by both forces. Stable at most delays, but hand and tool drift apart." },
-  position_force: { name: "Position–force", says: "Position goes up, force comes back. Crisp without delay, unstable with it." },
-  wave: { name: "Wave variables", says: "Passive at any delay; the longer the line, the softer stiff clay feels." },
-  tdpa: { name: "Time-domain passivity", says: "Watches the energy of the line and dissipates what it would add." },
-  replica: { name: "Replica", says: "The hand cuts a copy of the clay without any delay; the server stays the authority." },
-};
 
 export function SchemeControls(): JSX.Element {
   const edit = live.edits.of("/scheme").value;
@@ -23,7 +16,7 @@ export function SchemeControls(): JSX.Element {
       <h2 id="scheme">Scheme</h2>
       <div class="schemes" role="radiogroup" aria-labelledby="scheme">
         {SCHEMES.map((scheme) => (
-          <label key={scheme} title={WORDS[scheme].says}>
+          <label key={scheme} title={SCHEME_WORDS[scheme].says}>
             <input
               type="radio"
               name="scheme"
@@ -31,11 +24,11 @@ export function SchemeControls(): JSX.Element {
               checked={chosenScheme === scheme}
               onChange={() => live.edits.wish({ "/scheme": scheme })}
             />
-            <span>{WORDS[scheme].name}</span>
+            <span>{SCHEME_WORDS[scheme].name}</span>
           </label>
         ))}
       </div>
-      {chosenScheme !== undefined && <p class="faint says">{WORDS[chosenScheme].says}</p>}
+      {chosenScheme !== undefined && <p class="faint says">{SCHEME_WORDS[chosenScheme].says}</p>}
       {edit.name === "refused" && <p class="refusal" role="alert">{edit.detail}</p>}
     </section>
   );

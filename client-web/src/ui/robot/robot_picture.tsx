@@ -1,0 +1,107 @@
+// The robot in 3-D, following the live handle or the sliders.
+
+import { useSignal, useSignalEffect } from "@preact/signals";
+import type { JSX } from "preact";
+import { useEffect, useRef } from "preact/hooks";
+import { Channel } from "../../protocol/telemetry";
+import { RobotView, type RobotViewColours } from "../../scene/robot_view";
+import { onFrame } from "../frame";
+import { live, theory } from "../store";
+import { isDark } from "../theme";
+import { arms, byHandle_m, geometry, platformAt, position_m, shown, source } from "./model";
+
+const TRAIL_S = 6;
+const TRAIL_STEP_S = 0.02;
+
+export function RobotPicture(): JSX.Element {
+  const canvas = useRef<HTMLCanvasElement>(null);
+  const view = useRef<RobotView | undefined>(undefined);
+  const missing = useSignal<string | undefined>(undefined);
+  useEffect(() => {
+    const element = canvas.current;
+    if (element === null) return undefined;
+    let created: RobotView;
+    try {
+      created = new RobotView(element);
+    } catch (error) {
+      missing.value = error instanceof Error ? error.message : String(error);
+      return undefined;
+    }
+    view.current = created;
+    const frame = element.parentElement ?? element;
+    const observer = new ResizeObserver(() => {
+      created.resize(frame.clientWidth, frame.clientHeight, devicePixelRatio);
+      created.reset(reach());
+    });
+    observer.observe(frame);
+    const end = onFrame((now_ms) => {
+      followHandle(created, now_ms);
+      created.draw(now_ms);
+    });
+    return () => {
+      end();
+      observer.disconnect();
+      view.current = undefined;
+      created.dispose();
+    };
+  }, []);
+  useSignalEffect(() => {
+    const { arms: poses, short } = arms.value;
+    view.current?.setPose({ geometry: geometry.value, position_m: position_m.value, arms: poses, short });
+  });
+  useSignalEffect(() => {
+    const { answer } = theory.workspace.asked.value;
+    view.current?.setWorkspace(answer === undefined ? undefined : {
+      low_m: answer.region_m[0], high_m: answer.region_m[1], cells: answer.cells, dexterity: answer.dexterity,
+    });
+    view.current?.showWorkspace(shown.value);
+  });
+  // The style sheet has followed the theme by the time that effects run; a canvas has to be told.
+  useEffect(() => {
+    if (canvas.current !== null) view.current?.setColours(coloursOf(canvas.current));
+  }, [isDark.value]);
+  return (
+    <>
+      <canvas
+        ref={canvas}
+        role="img"
+        tabIndex={0}
+        aria-label="The robot's three arms and its platform. Arrow keys move the view, with shift they turn it"
+        data-testid="robot"
+      />
+      {missing.value !== undefined && <p class="missing">No 3-D picture here: {missing.value}</p>}
+      <div class="looks"><button type="button" onClick={() => view.current?.reset(reach())}>whole robot</button></div>
+    </>
+  );
+}
+
+const reach = (): number => geometry.peek().upper_link_m + geometry.peek().lower_link_m;
+
+/** Puts the platform where the handle is now, and draws where it has been. */
+function followHandle(view: RobotView, now_ms: number): void {
+  if (source.peek() !== "live" || live.history.isEmpty) {
+    view.setTrail([]);
+    return;
+  }
+  const time_s = live.momentAt(now_ms);
+  byHandle_m.value = platformAt(live.history.vectorAt(Channel.handle_position_m, time_s));
+  const path = live.history.path(Channel.handle_position_m, time_s, TRAIL_S, TRAIL_STEP_S);
+  const trail: number[] = [];
+  for (let n = 0; n + 2 < path.length; n += 3) trail.push(...platformAt([path[n], path[n + 1], path[n + 2]]));
+  view.setTrail(trail);
+}
+
+function coloursOf(element: Element): RobotViewColours {
+  const style = getComputedStyle(element);
+  const colour = (name: string): string => style.getPropertyValue(name).trim();
+  return {
+    background: colour("--sky"),
+    ground: colour("--ground"),
+    line: colour("--ground-line"),
+    text: colour("--text-faint"),
+    arms: [colour("--hand"), colour("--felt"), colour("--tool")],
+    short: colour("--bad"),
+    trail: colour("--hand"),
+    ramp: [colour("--ramp-0"), colour("--ramp-1"), colour("--ramp-2"), colour("--ramp-3")],
+  };
+}
