@@ -1,4 +1,4 @@
-//! Rows that need no network: clay, the tool-side step, the robot, virtual time.
+//! Rows that need no network: clay, the tool-side step, virtual time.
 
 use std::hint::black_box;
 use std::time::{Duration, Instant};
@@ -7,7 +7,6 @@ use anyhow::Context as _;
 use teleclay_bilateral::rig::{Rig, Setup};
 use teleclay_bilateral::{HandleSide, Lines, Permission, ToolSide};
 use teleclay_clay::{Ball, Clay, ContactState, Material, Motion, Pose, Shape, Tool, ToolShape};
-use teleclay_kinematics::{Geometry, Vector3};
 use teleclay_link::conditioner::Impairment;
 use teleclay_link::time::Timestamp;
 use teleclay_operator::{Axes, Intent, Reach, SimulatedHandle};
@@ -153,48 +152,6 @@ pub(crate) fn tool_side() -> anyhow::Result<Vec<Row>> {
         ),
         Row::new("sessions_per_core", "sessions", 60.0, TICK_S / mean),
     ])
-}
-
-/// Inverse on all eight branches, and forward, over postures across the workspace.
-pub(crate) fn kinematics() -> anyhow::Result<Vec<Row>> {
-    let geometry = Geometry::default();
-    let mut positions = Vec::new();
-    let mut joints = Vec::new();
-    for k in 0..4096 {
-        let share = |step: f64| (f64::from(k) * step).fract() - 0.5;
-        let position = Vector3::new(
-            0.12 * share(0.618),
-            0.12 * share(0.755),
-            0.17 + 0.06 * share(0.569),
-        );
-        if let Ok(solutions) = geometry.inverse(&position) {
-            positions.push(position);
-            joints.push(solutions[0].joints_rad);
-        }
-    }
-    anyhow::ensure!(1000 < positions.len(), "too few reachable positions");
-    let inverse = per_call(&positions, |position| {
-        black_box(geometry.inverse(black_box(position))).ok();
-    });
-    let forward = per_call(&joints, |joints| {
-        black_box(geometry.forward(black_box(joints))).ok();
-    });
-    Ok(vec![
-        Row::new("kinematics_inverse_8_branches_s", "s", 100e-9, inverse),
-        Row::new("kinematics_forward_s", "s", 120e-9, forward),
-    ])
-}
-
-/// Median over rounds of the mean time of a call, s.
-fn per_call<T>(cases: &[T], mut call: impl FnMut(&T)) -> f64 {
-    let mut rounds: Vec<u64> = (0..101)
-        .map(|_| {
-            let started = Instant::now();
-            cases.iter().for_each(&mut call);
-            started.elapsed().as_nanos() as u64
-        })
-        .collect();
-    quantile(&mut rounds, 0.5) / cases.len() as f64
 }
 
 /// The whole rig, cutting across 10 ms each way.

@@ -6,6 +6,7 @@
 mod compute;
 mod network;
 mod punctuality;
+mod robot;
 mod row;
 mod steal;
 
@@ -64,7 +65,7 @@ fn run(arguments: &Arguments) -> anyhow::Result<()> {
     };
     add("clay", compute::clay()?);
     add("loop", compute::tool_side()?);
-    add("robot", compute::kinematics()?);
+    add("robot", robot::rows()?);
     add("virtual time", compute::virtual_time()?);
     add("1 kHz thread", punctuality::rows()?);
     if !arguments.compute_only {

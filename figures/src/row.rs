@@ -98,6 +98,7 @@ fn amount(value: f64, unit: &str) -> String {
         "s" if value < 1e-6 => format!("{:.1} ns", value * 1e9),
         "s" if value < 1e-3 => format!("{:.1} us", value * 1e6),
         "s" if value < 1.0 => format!("{:.3} ms", value * 1e3),
+        "m" => format!("{value:.1e} m"),
         "1" => format!("{:.2} %", value * 100.0),
         _ => format!("{value:.0} {unit}"),
     }

@@ -139,7 +139,7 @@ fn what_is_out_of_range_is_pointed_at() {
         ("/force_ratio", json!(1)),
         ("/clay_damping_n_s_per_m", json!(-1e-9)),
         ("/omegas_rad_s/1", json!(0)),
-        ("/omegas_rad_s", json!(vec![1.0; 10_001])),
+        ("/omegas_rad_s", json!(vec![1.0; 2_001])),
     ];
     for (pointer, bad) in cases {
         let body = points_at(loop_request(), pointer, bad);

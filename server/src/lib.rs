@@ -7,6 +7,8 @@
 //! | [`directory`] | which sessions there are, and every way to change one |
 //! | [`network`] | Zenoh: frames, joining, slow state |
 //! | [`api`] | HTTP, WebSocket, OpenAPI, metrics, the dashboard |
+//! | [`theory`] | the calls of the theory, without HTTP |
+//! | [`offline`] | the same on the command line, without a server |
 //! | [`settings`] | defaults, file, environment, flags |
 
 pub mod api;
@@ -15,10 +17,12 @@ mod convert;
 pub mod directory;
 mod engine;
 pub mod network;
+pub mod offline;
 mod serve;
 mod session;
 pub mod settings;
 mod state;
+pub mod theory;
 
 pub use serve::{Server, run};
 pub use session::{Event, Sample};

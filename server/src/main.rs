@@ -12,6 +12,12 @@ fn main() -> ExitCode {
     // Before any thread exists.
     teleclay_shell::network::prepare_runtime();
     let arguments = Arguments::parse();
+    if let Some(offline) = &arguments.offline {
+        return match offline.run() {
+            Ok(()) => ExitCode::SUCCESS,
+            Err(error) => failed(&error),
+        };
+    }
     let settings = match Settings::read(&arguments) {
         Ok(settings) => settings,
         Err(error) => return failed(&error),

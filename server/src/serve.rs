@@ -11,7 +11,6 @@ use teleclay_proto::SessionId;
 use teleclay_proto::http::{ClayShape, ClaySpec, NewSession, ToolDescription};
 use teleclay_shell::Clock;
 use teleclay_shell::ticker::{Ticker, TickerConfig};
-use tokio::net::TcpListener;
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
 
@@ -50,7 +49,7 @@ impl Server {
         let started = Instant::now();
         std::fs::create_dir_all(&settings.data_dir)
             .with_context(|| format!("data folder {}", settings.data_dir.display()))?;
-        let listener = TcpListener::bind(settings.listen).await.with_context(|| {
+        let listener = api::bind(settings.listen).with_context(|| {
             format!(
                 "cannot listen on {} (is another server running? --listen takes another address)",
                 settings.listen
@@ -130,17 +129,11 @@ impl Server {
         );
         let (stop, mut stopped) = watch::channel(false);
         let http = tokio::spawn(async move {
-            let service = router.into_make_service_with_connect_info::<SocketAddr>();
             let until = async move {
                 // An error means that the sender is gone, which is a stop as well.
                 let _ = stopped.wait_for(|stop| *stop).await;
             };
-            if let Err(error) = axum::serve(listener, service)
-                .with_graceful_shutdown(until)
-                .await
-            {
-                tracing::error!(%error, "http ended");
-            }
+            api::serve(listener, router, until).await;
         });
         Ok(Self {
             address,

@@ -13,10 +13,19 @@ use teleclay_proto::NodeName;
 use teleclay_shell::network::{is_loopback, neighbour};
 use teleclay_shell::ticker::Scheduling;
 
+use crate::offline::Offline;
+
 /// A networked haptic tele-presence server: it holds the clay and the tool side of the loop.
 #[derive(Debug, Parser)]
-#[command(name = "teleclay-server", version)]
+#[command(
+    name = "teleclay-server",
+    version,
+    args_conflicts_with_subcommands = true
+)]
 pub struct Arguments {
+    /// The theory, answered without a server
+    #[command(subcommand)]
+    pub offline: Option<Offline>,
     /// Address of the HTTP API and the dashboard (default: 127.0.0.1:8080)
     #[arg(long, value_name = "ADDRESS:PORT")]
     listen: Option<SocketAddr>,

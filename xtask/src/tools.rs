@@ -91,23 +91,25 @@ pub(crate) fn install_chromium(interrupt: &Interrupt) -> Result<()> {
     if Path::new(CHROMIUM).exists() {
         return Ok(());
     }
+    // Without a font the page has no words to look at, and Debian only recommends one.
+    install_packages(&["chromium", "fonts-liberation"], interrupt)
+        .with_context(|| format!("{CHROMIUM} is missing"))
+}
+
+/// Installs packages of the system, where that is ours to do.
+pub(crate) fn install_packages(names: &[&str], interrupt: &Interrupt) -> Result<()> {
     let is_root = answer(command("id").arg("-u")).as_deref() == Some("0");
     if !is_root || answer(command("apt-get").arg("--version")).is_none() {
-        bail!("{CHROMIUM} is missing: on Debian or Ubuntu, apt-get install chromium as root");
+        bail!(
+            "on Debian or Ubuntu, as root: apt-get install {}",
+            names.join(" ")
+        );
     }
     run(command("apt-get").args(["update", "--quiet"]), interrupt)?;
-    let arguments = [
-        "install",
-        "--yes",
-        "--quiet",
-        "--no-install-recommends",
-        "chromium",
-        // Without a font the page has no words to look at, and Debian only recommends one.
-        "fonts-liberation",
-    ];
     run(
         command("apt-get")
-            .args(arguments)
+            .args(["install", "--yes", "--quiet", "--no-install-recommends"])
+            .args(names)
             .env("DEBIAN_FRONTEND", "noninteractive"),
         interrupt,
     )

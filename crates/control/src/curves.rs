@@ -7,8 +7,8 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// The loop gain `L(j omega)` along ascending frequencies. All lists have one length.
 ///
-/// Straight lines between neighbours stay within about half a per cent of the distance to -1, and within a tenth of a
-/// decibel: a plot needs nothing in between.
+/// Straight lines between neighbours stay within about a fifth of a per cent of the distance to -1, and within a thirtieth
+/// of a decibel: a plot needs nothing in between, and shows no corners.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Curve {
     /// Frequencies, rad/s.
@@ -24,9 +24,9 @@ pub struct Curve {
 }
 
 /// A chord may miss the curve by this share of the distance to -1.
-const CHORD_TOLERANCE: f64 = 5e-3;
-/// A chord in a Bode plot may miss the curve by this, in nepers (0.09 dB) and in rad (0.6 degrees).
-const BODE_TOLERANCE: f64 = 1e-2;
+const CHORD_TOLERANCE: f64 = 2e-3;
+/// A chord in a Bode plot may miss the curve by this, in nepers (0.03 dB) and in rad (0.2 degrees).
+const BODE_TOLERANCE: f64 = 3e-3;
 /// Enough for every sensible plot; a curve with more needles than that is drawn more coarsely, never without end.
 const MOST_POINTS: usize = 4000;
 /// Halvings of one mesh interval.

@@ -1,7 +1,8 @@
 //! The whole analysis: facts of the paper, its errata, curves as good as their promise, and an end in time.
 
+use cpu_time::ThreadTime;
 use proptest::prelude::*;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 use teleclay_control::analysis::{AnalysisError, LoopInput, analyse};
 use teleclay_control::compensators::{Compensator, Sides, compensators};
 use teleclay_control::{ClosedLoop, Complex, Polynomial, RationalFunction, paper};
@@ -201,7 +202,7 @@ fn curves_are_dense_where_they_bend() {
                 let along =
                     (((gain - point(k - 1)) * chord.conj()).re / chord.norm_sqr()).clamp(0.0, 1.0);
                 let off = (point(k - 1) + chord * along - gain).norm();
-                assert!(off < 0.01 * (gain + 1.0).norm(), "{omega} rad/s: {off}");
+                assert!(off < 0.004 * (gain + 1.0).norm(), "{omega} rad/s: {off}");
             }
         }
         let least = (0..n)
@@ -290,7 +291,7 @@ fn a_comb_of_undamped_resonances_is_answered_in_time() {
     let mut input = input(60.0, 200.0);
     input.sides = sides(function(-3), function(0));
     input.t_h = comb(1).times(&comb(4)).unwrap();
-    let before = Instant::now();
+    let before = ThreadTime::now();
     let analysis = analyse(&input).unwrap();
     let took = before.elapsed();
     assert!(took < Duration::from_millis(50), "{took:?}");
@@ -307,13 +308,19 @@ fn user_coefficients(longest: usize) -> impl Strategy<Value = Vec<f64>> {
     proptest::collection::vec(coefficient, 1..=longest)
 }
 
+fn user_function(longest: usize) -> impl Strategy<Value = (Vec<f64>, Vec<f64>)> {
+    (user_coefficients(longest), user_coefficients(longest))
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(10_000))]
 
-    /// Whatever plants a user types: an answer with finite figures, or a typed error, within 50 ms.
+    /// Whatever plants a user types: an answer with finite figures, or a typed error, within 50 ms of a processor.
     #[test]
     fn every_loop_is_answered_in_time(
-        g_h in (user_coefficients(7), user_coefficients(7)), c_h1 in (user_coefficients(7), user_coefficients(7)),
+        (g_h, c_h1) in prop_oneof![
+            (user_function(7), user_function(7)), (user_function(13), user_function(1)), (user_function(1), user_function(13)),
+        ],
         g_t in (user_coefficients(4), user_coefficients(4)), t_h in user_coefficients(13),
         damping in 0.0..100.0, stiffness in 0.0..1000.0,
     ) {
@@ -326,7 +333,7 @@ proptest! {
                 clay_stiffness_n_per_m: stiffness,
                 omegas_rad_s: vec![0.1, 10.0],
             };
-            let before = Instant::now();
+            let before = ThreadTime::now();
             let outcome = analyse(&input);
             let took = before.elapsed();
             prop_assert!(took < Duration::from_millis(50), "{took:?}");

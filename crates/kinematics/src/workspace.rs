@@ -91,6 +91,12 @@ impl Region {
         self.counts
     }
 
+    /// Lower and upper corner, m.
+    #[must_use]
+    pub fn corners_m(&self) -> [Vector3<f64>; 2] {
+        [self.low_m, self.high_m]
+    }
+
     /// Centre of a cell, m.
     #[must_use]
     pub fn centre_m(&self, cell: [usize; 3]) -> Vector3<f64> {

@@ -34,6 +34,7 @@ where
 
     async fn from_request(request: Request, state: &S) -> Result<Self, Failure> {
         check_media_type(request.headers())?;
+        check_announced_length(request.headers())?;
         let body = timeout(
             BODY_TIMEOUT,
             axum::body::Bytes::from_request(request, state),
@@ -43,6 +44,21 @@ where
         .map_err(|rejection| incomplete(&rejection))?;
         Ok(Self(parse(&body)?))
     }
+}
+
+/// A body that says it is too large need not be waited for.
+fn check_announced_length(headers: &HeaderMap) -> Result<(), Failure> {
+    let announced = headers
+        .get(header::CONTENT_LENGTH)
+        .and_then(|length| length.to_str().ok()?.parse::<u64>().ok());
+    if announced.is_some_and(|length| (MAX_BODY as u64) < length) {
+        return Err(too_large());
+    }
+    Ok(())
+}
+
+fn too_large() -> Failure {
+    TOO_LARGE.because(format!("the body has more than {MAX_BODY} bytes"))
 }
 
 fn check_media_type(headers: &HeaderMap) -> Result<(), Failure> {
@@ -71,9 +87,7 @@ fn check_media_type(headers: &HeaderMap) -> Result<(), Failure> {
 
 fn incomplete(rejection: &BytesRejection) -> Failure {
     match rejection {
-        BytesRejection::FailedToBufferBody(FailedToBufferBody::LengthLimitError(_)) => {
-            TOO_LARGE.because(format!("the body has more than {MAX_BODY} bytes"))
-        }
+        BytesRejection::FailedToBufferBody(FailedToBufferBody::LengthLimitError(_)) => too_large(),
         // The connection broke or its framing did; if anybody still listens, this is what they sent.
         other => SYNTAX.because(other.body_text()),
     }

@@ -86,6 +86,10 @@ fn host(uri: &Uri, headers: &HeaderMap) -> Result<Authority, Failure> {
     if host.as_str().contains('@') {
         return Err(HOST_MISSING.because("the host has a user name in it"));
     }
+    let port = &host.as_str()[host.host().len()..];
+    if !(port.is_empty() || port[1..].parse::<u16>().is_ok()) {
+        return Err(HOST_MISSING.because(format!("{port:?} after the host is no port")));
+    }
     Ok(host)
 }
 

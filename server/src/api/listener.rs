@@ -14,6 +14,8 @@ use tokio::net::{TcpListener, TcpSocket, TcpStream};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
 use tokio::time::{sleep, timeout};
 
+use super::stall::Impatient;
+
 /// Connections at once. More wait to be accepted; each watcher has one, and each page a handful besides.
 const MAX_CONNECTIONS: usize = 512;
 
@@ -29,6 +31,9 @@ const HEAD_TIMEOUT: Duration = Duration::from_secs(30);
 
 /// Longest head of a request, bytes: RFC 9112 §3 recommends 8000 for its first line alone.
 const MAX_HEAD: usize = 32 * 1024;
+
+/// A connection to which nothing can be written for this long is broken off.
+const STALL_TIMEOUT: Duration = Duration::from_secs(20);
 
 /// After a stop, requests under way may take this long.
 const GRACE: Duration = Duration::from_secs(3);
@@ -117,7 +122,10 @@ async fn converse(
             .timer(TokioTimer::new())
             .header_read_timeout(HEAD_TIMEOUT)
             .max_buf_size(MAX_HEAD)
-            .serve_connection(TokioIo::new(connection), service)
+            .serve_connection(
+                TokioIo::new(Impatient::new(connection, STALL_TIMEOUT)),
+                service
+            )
             .with_upgrades()
     );
     let ended = tokio::select! {

@@ -2,7 +2,7 @@
 //!
 //! | module | holds |
 //! |---|---|
-//! | [`sessions`] | the calls of `/api/v1` |
+//! | [`sessions`], [`clay`], [`theory`] | the calls of `/api/v1` |
 //! | [`stream`] | the WebSocket |
 //! | [`health`], [`metrics`] | probes |
 //! | [`openapi`], [`docs`] | the description of all of it, and the page to browse it |
@@ -11,12 +11,13 @@
 //! | [`problem`] | every way to fail |
 //! | [`body`] | what comes in, checked |
 //! | [`tally`] | what the interface counts of itself |
-//! | [`listener`] | connections: how many, how long, how much may wait in them |
+//! | [`listener`], [`stall`] | connections: how many, how long, how much may wait in them |
 //!
 //! A request passes, from the outside in: headers for the answer, the count, a net for panics, the time limit, host and
 //! origin, and under `/api/v1` the token. Whatever fails anywhere answers with a problem.
 
 mod body;
+mod clay;
 mod config;
 mod dashboard;
 mod docs;
@@ -28,8 +29,10 @@ mod openapi;
 mod pages;
 mod problem;
 mod sessions;
+mod stall;
 mod stream;
 mod tally;
+mod theory;
 
 use std::any::Any;
 use std::sync::Arc;
@@ -49,6 +52,7 @@ use utoipa_axum::router::OpenApiRouter;
 use self::body::MAX_BODY;
 use self::problem::{Failure, INTERNAL, METHOD, NO_ANSWER};
 use self::tally::Tally;
+use self::theory::Desk;
 use crate::directory::Directory;
 
 pub use self::config::ApiConfig;
@@ -56,6 +60,9 @@ pub use self::listener::{bind, serve};
 
 /// Streams that may be open at once, of all sessions: at 2 Mbit/s each, what a fast wired link carries.
 const MAX_WATCHERS: usize = 64;
+
+/// Models of the clay that may be made or on their way at once. The largest clay has one of a hundred megabytes.
+const MAX_MODELS: usize = 2;
 
 /// Longest wait for an answer to begin. A change waits for the loop, which takes it up within milliseconds.
 const REQUEST_TIMEOUT: Duration = Duration::from_secs(10);
@@ -119,6 +126,8 @@ pub fn router(directory: Directory, config: ApiConfig) -> Router {
 fn calls_of_version_1() -> OpenApiRouter<Api> {
     OpenApiRouter::new()
         .merge(sessions::routes())
+        .merge(clay::routes())
+        .merge(theory::routes())
         .merge(stream::routes())
 }
 
@@ -137,6 +146,8 @@ struct Inner {
     config: ApiConfig,
     tally: Tally,
     watcher_places: Arc<Semaphore>,
+    model_places: Arc<Semaphore>,
+    desk: Desk,
     /// The OpenAPI document, as it is sent.
     document: Bytes,
 }
@@ -155,6 +166,8 @@ impl Api {
             config,
             tally: Tally::default(),
             watcher_places: Arc::new(Semaphore::new(MAX_WATCHERS)),
+            model_places: Arc::new(Semaphore::new(MAX_MODELS)),
+            desk: Desk::default(),
             document: document.into(),
         }))
     }
@@ -173,6 +186,14 @@ impl Api {
 
     pub(crate) fn watcher_places(&self) -> &Arc<Semaphore> {
         &self.0.watcher_places
+    }
+
+    pub(crate) fn model_places(&self) -> &Arc<Semaphore> {
+        &self.0.model_places
+    }
+
+    pub(crate) fn desk(&self) -> &Desk {
+        &self.0.desk
     }
 
     pub(crate) fn document(&self) -> &Bytes {

@@ -57,6 +57,7 @@ refusals!(DocumentRefusals in ANYWHERE:);
         (name = "sessions", description = "What runs, and what it is told to be"),
         (name = "clay", description = "The clay of a session"),
         (name = "watching", description = "A session as it happens"),
+        (name = "theory", description = "The published mathematics: robot, loop, experiment"),
         (name = "probes", description = "For supervisors and monitoring"),
     ),
 )]

@@ -71,6 +71,18 @@ kinds! {
         "Without a token the server answers only to localhost and loopback addresses, so that no name of somebody else's can be pointed at it.";
     FIELD = UNPROCESSABLE_ENTITY "field", "a field is not acceptable",
         "The pointer names the field; it is unknown, missing, of another type or out of its range.";
+    UNREACHABLE = UNPROCESSABLE_ENTITY "unreachable", "the robot does not reach so far",
+        "For some arm V of (12) is below zero; the detail says which.";
+    NO_ASSEMBLY = UNPROCESSABLE_ENTITY "no-assembly", "the rods do not meet",
+        "The three spheres around the elbows have no point in common at these joint angles.";
+    SINGULAR = UNPROCESSABLE_ENTITY "singular", "the robot is singular there",
+        "An arm is stretched or folded, or the platform gains a freedom; the detail says which.";
+    NO_LOOP = UNPROCESSABLE_ENTITY "no-loop", "these parts make no loop",
+        "A compensator or the loop itself cannot be formed of them; the detail says why.";
+    UNTUNABLE = UNPROCESSABLE_ENTITY "untunable", "no handle fulfils the wish",
+        "The detail says what stands against it, and what would have to give.";
+    INFEASIBLE = UNPROCESSABLE_ENTITY "infeasible", "the experiment comes to no end that means something",
+        "The detail says which range is at fault and why.";
     UPGRADE = UPGRADE_REQUIRED "upgrade", "this is a WebSocket",
         "Ask with Connection: upgrade and Upgrade: websocket.";
     INTERNAL = INTERNAL_SERVER_ERROR "internal", "the server made a mistake",
@@ -83,7 +95,7 @@ kinds! {
         "The server is overloaded, or the loop has stopped. Whether the change was made is not known.";
     TOO_MANY_WATCHERS = SERVICE_UNAVAILABLE "too-many-watchers", "there are as many watchers as there may be",
         "Close a stream first.";
-    BUSY = SERVICE_UNAVAILABLE "busy", "too many large answers are under way",
+    BUSY = SERVICE_UNAVAILABLE "busy", "too many large answers or calculations are under way",
         "Try again when another has ended.";
 }
 

@@ -8,7 +8,7 @@ use super::{citations, compose, image, links};
 use crate::process::{Interrupt, command, run};
 use crate::tools::{WASM, answer, install_chromium, install_wasm_target, require_node};
 use crate::workspace::{Workspace, cargo, root};
-use crate::{dashboard, demo, release};
+use crate::{dashboard, demo, python, release};
 
 /// One check that passes or fails as a whole.
 pub(super) struct Step {
@@ -21,7 +21,7 @@ pub(super) struct Step {
 
 /// In this order: what is quick and often wrong comes first; what needs the release programs comes after they are built,
 /// and the dashboard before them, because the server carries it inside.
-pub(super) const STEPS: [Step; 14] = [
+pub(super) const STEPS: [Step; 15] = [
     Step {
         name: "tools",
         what: "what the tests need is there, or is installed",
@@ -78,6 +78,11 @@ pub(super) const STEPS: [Step; 14] = [
         run: doctest,
     },
     Step {
+        name: "python",
+        what: "the mathematics against python-control, mpmath and scipy",
+        run: python_step,
+    },
+    Step {
         name: "browser",
         what: "the dashboard in Chromium against real processes",
         run: browser,
@@ -98,6 +103,7 @@ fn tools(workspace: &Workspace, interrupt: &Interrupt) -> Result<()> {
     require_node()?;
     install_wasm_target(interrupt)?;
     install_chromium(interrupt)?;
+    python::install(workspace, interrupt)?;
     dashboard::install(workspace, interrupt)
 }
 
@@ -215,6 +221,25 @@ fn doctest(_: &Workspace, interrupt: &Interrupt) -> Result<()> {
         command(cargo()).args(["test", "--release", "--workspace", "--locked", "--doc"]),
         interrupt,
     )
+}
+
+/// Other people's mathematics about the same loops, robots, plants and experiments.
+fn python_step(workspace: &Workspace, interrupt: &Interrupt) -> Result<()> {
+    python::install(workspace, interrupt)?;
+    // Of the whole workspace, so that nothing is compiled again with other features.
+    let arguments = ["build", "--release", "--workspace", "--locked", "--example"];
+    run(
+        command(cargo()).args(arguments).arg("analyse_loops"),
+        interrupt,
+    )?;
+    let script = |name: &str| {
+        let mut script = command(python::python(workspace));
+        script.arg(root().join("tests/python").join(name));
+        script
+    };
+    run(script("references.py").arg(root()), interrupt)?;
+    let analyse_loops = workspace.program("examples/analyse_loops");
+    run(script("python_control.py").arg(analyse_loops), interrupt)
 }
 
 fn browser(workspace: &Workspace, interrupt: &Interrupt) -> Result<()> {

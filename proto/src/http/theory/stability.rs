@@ -8,8 +8,8 @@ use crate::http::{FieldError, Validate, check};
 
 /// Most coefficients of a polynomial: of order 12.
 pub const MAX_COEFFICIENTS: usize = 13;
-/// Most frequencies that one call evaluates.
-pub const MAX_OMEGAS: usize = 10_000;
+/// Most frequencies that one call evaluates: what fits into a body with every digit written out.
+pub const MAX_OMEGAS: usize = 2_000;
 
 /// A rational function of `s`. In JSON `{"numerator": [18, 1], "denominator": [0.005, 0.4, 18, 1]}`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
@@ -57,7 +57,7 @@ pub struct LoopRequest {
     /// Where the compensators are evaluated, rad/s, each above zero; 0.1, 1, 10, 60 and 300 when left out. The curves hold these points
     /// too.
     #[serde(default = "usual_omegas")]
-    #[schema(max_items = 10000)]
+    #[schema(max_items = 2000)]
     pub omegas_rad_s: Vec<f64>,
 }
 

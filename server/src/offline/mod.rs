@@ -1,0 +1,180 @@
+//! The theory on the command line: no server, no network, an answer on standard output.
+//!
+//! Each command answers as the call of the same name under `/api/v1` does: as a table for people, as CSV for spreadsheets and plots, or as
+//! the very JSON of the call. Progress and errors go to standard error.
+
+mod experiment;
+mod kinematics;
+mod output;
+mod progress;
+mod stability;
+mod tuning;
+mod values;
+mod workspace;
+
+use std::io::{self, Read as _, Write};
+use std::path::{Path, PathBuf};
+
+use anyhow::Context as _;
+use clap::{Args, Subcommand};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use teleclay_proto::http::{Validate, parse};
+
+use self::output::{Format, Table};
+
+/// What can be asked for without a server.
+#[derive(Clone, Debug, Subcommand)]
+pub enum Offline {
+    /// Joint angles, positions and Jacobians of the parallel robot
+    #[command(subcommand)]
+    Kinematics(kinematics::Kinematics),
+    /// Whether a loop is stable, and for how long a delay
+    Analyse(stability::Analyse),
+    /// Run the cutting experiment through the clay
+    Experiment(experiment::Experiment),
+    /// Where the robot reaches, and how evenly it moves there
+    Workspace(workspace::Workspace),
+    /// The lightest handle that keeps a margin
+    Tune(tuning::Tune),
+}
+
+/// How an answer is printed.
+#[derive(Clone, Copy, Debug, Args)]
+struct Output {
+    /// Print CSV: a header, then a line a row
+    #[arg(long)]
+    csv: bool,
+    /// Print the JSON that the call under /api/v1 answers with
+    #[arg(long, conflicts_with = "csv")]
+    json: bool,
+}
+
+/// Where a request comes from.
+#[derive(Clone, Debug, Args)]
+struct Input {
+    /// Take the request from a file of JSON, as the call under /api/v1 does; - is standard input
+    #[arg(long, value_name = "FILE")]
+    input: Option<PathBuf>,
+}
+
+/// Longest request that is read, bytes.
+const MAX_INPUT: u64 = 1 << 20;
+
+impl Offline {
+    /// Answers on standard output.
+    ///
+    /// # Errors
+    /// The request is none, or has no answer.
+    pub fn run(&self) -> anyhow::Result<()> {
+        let mut out = io::BufWriter::new(io::stdout().lock());
+        self.write(&mut out)?;
+        match out.flush() {
+            // Whoever read has seen enough: `| head`.
+            Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
+            flushed => flushed.context("standard output"),
+        }
+    }
+
+    /// Answers on `out`.
+    ///
+    /// # Errors
+    /// The request is none, has no answer, or `out` cannot be written to.
+    pub fn write(&self, out: &mut dyn Write) -> anyhow::Result<()> {
+        let answer = match self {
+            Self::Kinematics(command) => command.answer()?,
+            Self::Analyse(command) => command.answer()?,
+            Self::Experiment(command) => command.answer()?,
+            Self::Workspace(command) => command.answer()?,
+            Self::Tune(command) => command.answer()?,
+        };
+        match answer.write(out) {
+            Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
+            written => written.context("standard output"),
+        }
+    }
+}
+
+/// An answer in the form that was asked for.
+struct Answer {
+    text: Form,
+}
+
+enum Form {
+    /// Tables for people, each under its heading.
+    Tables(Vec<(String, Table)>),
+    Csv(Table),
+    Json(String),
+}
+
+impl Answer {
+    fn new<T: Serialize>(
+        output: Output,
+        answer: &T,
+        tables: impl FnOnce(&T) -> Vec<(String, Table)>,
+        csv: impl FnOnce(&T) -> Table,
+    ) -> anyhow::Result<Self> {
+        let text = match output.format() {
+            Format::Table => Form::Tables(tables(answer)),
+            Format::Csv => Form::Csv(csv(answer)),
+            Format::Json => Form::Json(serde_json::to_string_pretty(answer)?),
+        };
+        Ok(Self { text })
+    }
+
+    fn write(&self, out: &mut dyn Write) -> io::Result<()> {
+        match &self.text {
+            Form::Tables(tables) => {
+                for (index, (heading, table)) in tables.iter().enumerate() {
+                    if 0 < index {
+                        writeln!(out)?;
+                    }
+                    writeln!(out, "{heading}")?;
+                    table.write_aligned(out)?;
+                }
+                Ok(())
+            }
+            Form::Csv(table) => table.write_csv(out),
+            Form::Json(text) => writeln!(out, "{text}"),
+        }
+    }
+}
+
+impl Output {
+    fn format(self) -> Format {
+        match (self.csv, self.json) {
+            (true, _) => Format::Csv,
+            (_, true) => Format::Json,
+            _ => Format::Table,
+        }
+    }
+}
+
+impl Input {
+    /// The request from the file, or the one that the options make.
+    fn request<T>(&self, from_options: impl FnOnce() -> anyhow::Result<T>) -> anyhow::Result<T>
+    where
+        T: DeserializeOwned + Serialize + Validate,
+    {
+        let Some(path) = &self.input else {
+            return from_options();
+        };
+        let body = read(path).with_context(|| format!("cannot read {}", path.display()))?;
+        parse(&body).with_context(|| format!("{} is no request", path.display()))
+    }
+}
+
+fn read(path: &Path) -> io::Result<Vec<u8>> {
+    let source: Box<dyn io::Read> = if path == Path::new("-") {
+        Box::new(io::stdin())
+    } else {
+        Box::new(std::fs::File::open(path)?)
+    };
+    let mut body = Vec::new();
+    source.take(MAX_INPUT + 1).read_to_end(&mut body)?;
+    if MAX_INPUT < body.len() as u64 {
+        let detail = format!("it has more than {MAX_INPUT} bytes");
+        return Err(io::Error::new(io::ErrorKind::FileTooLarge, detail));
+    }
+    Ok(body)
+}

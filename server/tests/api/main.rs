@@ -1,0 +1,15 @@
+//! The interface from outside: a real server in this process, requests over loopback connections.
+
+mod bodies;
+mod calls;
+mod connection;
+mod description;
+mod guard;
+mod limits;
+mod model;
+mod pages;
+mod rig;
+mod routes;
+mod stream;
+mod theory;
+mod wire;

@@ -1,0 +1,587 @@
+//! The WebSocket, as a watcher meets it.
+
+use std::io::Write as _;
+use std::net::TcpStream;
+use std::time::{Duration, Instant};
+
+use serde_json::{Value, json};
+use teleclay_proto::http::{Problem, Session};
+use teleclay_proto::watch::{BrickBody, Message as Binary, Picture, ServerText};
+use tokio_tungstenite::tungstenite::handshake::client::generate_key;
+use tokio_tungstenite::tungstenite::http::Request;
+use tokio_tungstenite::tungstenite::protocol::frame::Frame;
+use tokio_tungstenite::tungstenite::protocol::frame::coding::{Data, OpCode};
+use tokio_tungstenite::tungstenite::{Error, Message, WebSocket, client};
+
+use crate::rig::{PATIENCE, eventually, shared};
+use crate::wire::{Answer, Ask, Site};
+
+/// An open stream, read with patience.
+pub(crate) struct Stream(WebSocket<TcpStream>);
+
+impl Stream {
+    pub(crate) fn open(site: &Site, session: &str) -> Self {
+        Self::open_on(site.connect(), site, session)
+    }
+
+    fn open_on(connection: TcpStream, site: &Site, session: &str) -> Self {
+        let request = Request::builder()
+            .uri(format!(
+                "ws://{}/api/v1/sessions/{session}/stream",
+                site.address
+            ))
+            .header("Host", site.address.to_string())
+            .header("Connection", "Upgrade")
+            .header("Upgrade", "websocket")
+            .header("Sec-WebSocket-Version", "13")
+            .header("Sec-WebSocket-Key", generate_key())
+            .header("Sec-WebSocket-Protocol", "other, teleclay.v1")
+            .body(())
+            .unwrap();
+        let (socket, answer) = client(request, connection).unwrap();
+        assert_eq!(answer.headers()["sec-websocket-protocol"], "teleclay.v1");
+        Self(socket)
+    }
+
+    /// A handshake that is complete but for the headers given, and that is not accepted.
+    pub(crate) fn refused(site: &Site, session: &str, headers: &[(&str, &str)]) -> Answer {
+        let defaults = [
+            ("Connection", "Upgrade"),
+            ("Upgrade", "websocket"),
+            ("Sec-WebSocket-Version", "13"),
+            ("Sec-WebSocket-Key", "dGhlIHNhbXBsZSBub25jZQ=="),
+        ];
+        let is_given = |name: &str| headers.iter().any(|(other, _)| *other == name);
+        let mut ask = Ask::new("GET", &format!("/api/v1/sessions/{session}/stream"));
+        for (name, value) in defaults
+            .iter()
+            .filter(|(name, _)| !is_given(name))
+            .chain(headers)
+        {
+            ask = ask.with(name, value);
+        }
+        site.send(&ask)
+    }
+
+    fn next(&mut self) -> Message {
+        self.0.read().unwrap()
+    }
+
+    fn say(&mut self, text: &Value) {
+        self.0.send(Message::text(text.to_string())).unwrap();
+    }
+
+    fn subscribe(&mut self, telemetry: &str, bricks: &str) {
+        self.say(&json!({ "type": "subscribe", "telemetry": telemetry, "bricks": bricks }));
+    }
+
+    /// Reads on until a text is what is wanted.
+    fn until<T>(&mut self, what: &str, mut wanted: impl FnMut(ServerText) -> Option<T>) -> T {
+        let began = Instant::now();
+        loop {
+            assert!(began.elapsed() < PATIENCE, "waited in vain: {what}");
+            if let Message::Text(text) = self.next()
+                && let Some(found) = wanted(serde_json::from_str(&text).unwrap())
+            {
+                return found;
+            }
+        }
+    }
+
+    fn problem(&mut self) -> Problem {
+        self.until("a problem", |text| match text {
+            ServerText::Problem { problem } => Some(problem),
+            _ => None,
+        })
+    }
+
+    fn state(&mut self, holds: impl Fn(&Session) -> bool) -> Session {
+        self.until("a state", |text| match text {
+            ServerText::State { session } if holds(&session) => Some(*session),
+            _ => None,
+        })
+    }
+
+    /// Everything that was said before is answered once this returns.
+    fn catch_up(&mut self) {
+        self.say(&json!({ "type": "ping", "nonce": 4711 }));
+        self.until("a pong", |text| {
+            (text == ServerText::Pong { nonce: 4711 }).then_some(())
+        });
+    }
+
+    /// Reads the rest; the code and reason that the server closes with.
+    fn ending(mut self) -> (u16, String) {
+        let began = Instant::now();
+        loop {
+            assert!(began.elapsed() < PATIENCE, "the stream does not end");
+            if let Message::Close(frame) = self.next() {
+                let frame = frame.expect("a reason");
+                // Answers the close.
+                self.0.flush().ok();
+                return (frame.code.into(), frame.reason.to_string());
+            }
+        }
+    }
+
+    /// Closes, and waits until the server has taken note.
+    pub(crate) fn leave(mut self) {
+        self.0.close(None).unwrap();
+        while self.0.read().is_ok() {}
+    }
+}
+
+#[test]
+fn it_says_hello_then_the_state_and_then_the_state_again() {
+    let rig = shared();
+    let site = rig.site();
+    let session = rig.session(&site);
+    let mut stream = Stream::open(&site, &session);
+    let texts: Vec<ServerText> = (0..4)
+        .map(|_| serde_json::from_str(stream.next().to_text().unwrap()).unwrap())
+        .collect();
+    let ServerText::Hello {
+        protocol,
+        session: of,
+        server_version,
+    } = &texts[0]
+    else {
+        panic!("{texts:?}");
+    };
+    assert_eq!(
+        (*protocol, of.as_str(), &**server_version),
+        (1, &*session, "9.8.7")
+    );
+    for text in &texts[1..] {
+        assert!(matches!(text, ServerText::State { .. }), "{text:?}");
+    }
+    site.delete(&format!("/api/v1/sessions/{session}"));
+}
+
+#[test]
+fn a_handshake_that_is_not_complete_is_refused_with_a_reason() {
+    let rig = shared();
+    let site = rig.site();
+    let session = rig.session(&site);
+    let speaks = ("Sec-WebSocket-Protocol", "teleclay.v1");
+    for (headers, status, word) in [
+        (&[][..], 400, "subprotocol"),
+        (
+            &[("Sec-WebSocket-Protocol", "teleclay.v2")],
+            400,
+            "subprotocol",
+        ),
+        (
+            &[("Sec-WebSocket-Protocol", "teleclay.v1x, Teleclay.V1")],
+            400,
+            "subprotocol",
+        ),
+        (&[speaks, ("Connection", "close")], 426, "upgrade"),
+        (&[speaks, ("Upgrade", "h2c")], 426, "upgrade"),
+        (&[speaks, ("Sec-WebSocket-Version", "8")], 400, "handshake"),
+        (&[speaks, ("Sec-WebSocket-Key", "")], 400, "handshake"),
+        (&[speaks, ("Origin", "https://evil.example")], 403, "origin"),
+        (&[speaks, ("Host", "evil.example")], 421, "host"),
+    ] {
+        let answer = Stream::refused(&site, &session, headers);
+        assert_eq!(
+            (answer.status, &*answer.word()),
+            (status, word),
+            "{headers:?}"
+        );
+    }
+    let answer = Stream::refused(&site, "none", &[speaks]);
+    assert_eq!((answer.status, &*answer.word()), (404, "no-such-session"));
+    let answer = site.get(&format!("/api/v1/sessions/{session}/stream"));
+    assert_eq!((answer.status, &*answer.word()), (426, "upgrade"));
+    assert_eq!(answer.header("upgrade"), Some("websocket"));
+    site.delete(&format!("/api/v1/sessions/{session}"));
+}
+
+#[test]
+fn changes_are_answered_by_the_state_and_seen_by_others() {
+    let rig = shared();
+    let site = rig.site();
+    let session = rig.session(&site);
+    let mut mine = Stream::open(&site, &session);
+    let mut other = Stream::open(&site, &session);
+    mine.say(
+        &json!({ "type": "patch", "session": { "network": { "down": { "delay_s": 0.25 } } } }),
+    );
+    for stream in [&mut mine, &mut other] {
+        let state = stream.state(|session| 0.2 < session.network.down.delay_s);
+        assert_eq!(state.network.up.delay_s.to_bits(), 0.0_f64.to_bits());
+    }
+    let epoch = mine.state(|_| true).clay.epoch;
+    mine.say(&json!({ "type": "reset", "clay": { "shape": { "kind": "block", "size_m": [0.01, 0.01, 0.01] } } }));
+    for stream in [&mut mine, &mut other] {
+        let state = stream.state(|session| session.clay.epoch != epoch);
+        assert_eq!(state.clay.initial_units, 255 * 1000);
+    }
+    site.delete(&format!("/api/v1/sessions/{session}"));
+}
+
+#[test]
+fn what_is_not_acceptable_is_answered_and_the_stream_goes_on() {
+    let rig = shared();
+    let site = rig.site();
+    let session = rig.session(&site);
+    let mut stream = Stream::open(&site, &session);
+    for (message, word, pointer) in [
+        (
+            json!({ "type": "patch", "session": { "network": { "up": { "loss": 2 } } } }),
+            "field",
+            Some("/session/network/up/loss"),
+        ),
+        (
+            json!({ "type": "patch", "session": { "surplus": 1 } }),
+            "field",
+            Some("/session/surplus"),
+        ),
+        (
+            json!({ "type": "patch", "session": null }),
+            "field",
+            Some(""),
+        ),
+        (json!({ "type": "patch" }), "field", Some("")),
+        (
+            json!({ "type": "reset", "clay": { "shape": { "kind": "ball" } } }),
+            "field",
+            Some("/clay/shape/kind"),
+        ),
+        (
+            json!({ "type": "reset", "clay": { "material": { "stiffness_pa": -1 } } }),
+            "field",
+            Some("/clay/material/stiffness_pa"),
+        ),
+        // In its range, and more voxels of this clay's size than there may be.
+        (
+            json!({ "type": "reset", "clay": { "shape": { "kind": "block", "size_m": [9, 9, 9] } } }),
+            "field",
+            Some("/clay/shape"),
+        ),
+        (json!({ "type": "subscribe" }), "field", Some("")),
+        (
+            json!({ "type": "subscribe", "telemetry": true, "bricks": "on" }),
+            "field",
+            Some("/telemetry"),
+        ),
+        (
+            json!({ "type": "ping", "nonce": -1 }),
+            "field",
+            Some("/nonce"),
+        ),
+        (json!({ "type": "shutdown" }), "field", Some("/type")),
+        (json!({}), "field", Some("")),
+        (json!([1]), "field", Some("")),
+        (json!(null), "field", Some("")),
+    ] {
+        stream.say(&message);
+        let problem = stream.problem();
+        assert_eq!(problem.kind, format!("/problems/{word}"), "{message}");
+        let got = problem.pointer.as_deref();
+        let is_near = got
+            .zip(pointer)
+            .is_some_and(|(got, want)| got.starts_with(want));
+        assert!(is_near, "{message}: {got:?}, wanted {pointer:?}");
+    }
+    let deep = "[".repeat(16_000);
+    for text in [
+        "",
+        "{",
+        "hello",
+        "{\"type\":\"ping\",\"nonce\":1e999}",
+        "\u{0}",
+        &deep,
+    ] {
+        stream.0.send(Message::text(text)).unwrap();
+        assert_eq!(stream.problem().kind, "/problems/syntax", "{text:.20}");
+    }
+    stream.0.send(Message::binary(vec![1, 2, 3])).unwrap();
+    assert_eq!(stream.problem().kind, "/problems/syntax");
+    stream.catch_up();
+    site.delete(&format!("/api/v1/sessions/{session}"));
+}
+
+#[test]
+fn pings_of_either_sort_are_answered() {
+    let rig = shared();
+    let site = rig.site();
+    let session = rig.session(&site);
+    let mut stream = Stream::open(&site, &session);
+    stream.catch_up();
+    stream
+        .0
+        .send(Message::Ping("are you there".into()))
+        .unwrap();
+    let began = Instant::now();
+    loop {
+        assert!(began.elapsed() < PATIENCE);
+        if let Message::Pong(echo) = stream.next() {
+            assert_eq!(&*echo, b"are you there");
+            break;
+        }
+    }
+    site.delete(&format!("/api/v1/sessions/{session}"));
+}
+
+/// Reads bricks until every one of them was told; the epoch, and whether they were all full.
+fn whole_picture(stream: &mut Stream, bricks: usize) -> (u32, bool) {
+    let began = Instant::now();
+    let mut told = Vec::new();
+    let mut all_full = true;
+    let mut epoch = None;
+    while told.len() < bricks {
+        assert!(
+            began.elapsed() < PATIENCE,
+            "{} of {bricks} bricks came",
+            told.len()
+        );
+        let Message::Binary(bytes) = stream.next() else {
+            continue;
+        };
+        let Binary::Bricks(view) = Binary::decode(&bytes).unwrap() else {
+            continue;
+        };
+        if view.header.picture == Picture::Whole {
+            told.clear();
+            all_full = true;
+            epoch = Some(view.header.clay_epoch);
+        }
+        assert_eq!(
+            Some(view.header.clay_epoch),
+            epoch,
+            "changes of what was never shown"
+        );
+        for brick in view.iter() {
+            assert!(
+                !told.contains(&brick.index),
+                "brick {} is told twice",
+                brick.index
+            );
+            told.push(brick.index);
+            all_full &= brick.body == BrickBody::Full;
+        }
+    }
+    (epoch.unwrap(), all_full)
+}
+
+#[test]
+fn bricks_begin_with_a_whole_picture_and_so_does_every_fresh_block() {
+    let rig = shared();
+    let site = rig.site();
+    let session = rig.session(&site);
+    let mut stream = Stream::open(&site, &session);
+    stream.subscribe("off", "on");
+    let (epoch, all_full) = whole_picture(&mut stream, 4 * 4 * 2);
+    assert!(all_full);
+    stream.say(&json!({ "type": "reset", "clay": { "shape": { "kind": "block", "size_m": [0.032, 0.016, 0.016] } } }));
+    let (after, all_full) = whole_picture(&mut stream, 2);
+    assert!(all_full && after != epoch);
+    // Asked for anew, the picture is whole again.
+    stream.subscribe("off", "off");
+    stream.subscribe("off", "on");
+    assert_eq!(whole_picture(&mut stream, 2), (after, true));
+    site.delete(&format!("/api/v1/sessions/{session}"));
+}
+
+#[test]
+fn without_asking_nobody_gets_bricks_or_telemetry() {
+    let rig = shared();
+    let site = rig.site();
+    let session = rig.session(&site);
+    let mut stream = Stream::open(&site, &session);
+    stream.say(&json!({ "type": "reset", "clay": {} }));
+    let mut states = 0;
+    while states < 5 {
+        match stream.next() {
+            Message::Text(text) => states += usize::from(text.contains("\"type\":\"state\"")),
+            other => panic!("{other:?}"),
+        }
+    }
+    site.delete(&format!("/api/v1/sessions/{session}"));
+}
+
+#[test]
+fn an_ended_session_ends_its_streams_and_says_so() {
+    let rig = shared();
+    let site = rig.site();
+    let session = rig.session(&site);
+    let streams = [Stream::open(&site, &session), Stream::open(&site, &session)];
+    assert_eq!(
+        site.delete(&format!("/api/v1/sessions/{session}")).status,
+        204
+    );
+    // A new one of the same name is another one.
+    let again = site.post("/api/v1/sessions", &crate::rig::small(&session));
+    assert_eq!(again.status, 201);
+    for stream in streams {
+        assert_eq!(stream.ending(), (4404, "the session has ended".to_owned()));
+    }
+    let shown = site.get("/metrics");
+    let line = "teleclay_streams_ended_total{reason=\"session-ended\"} 2";
+    eventually("the streams are counted", || {
+        site.get("/metrics").text().contains(line)
+    });
+    assert!(shown.text().contains("teleclay_stream_sent_bytes_total"));
+    site.delete(&format!("/api/v1/sessions/{session}"));
+}
+
+#[test]
+fn a_message_that_is_too_long_ends_the_stream() {
+    let rig = shared();
+    let site = rig.site();
+    let session = rig.session(&site);
+    let mut stream = Stream::open(&site, &session);
+    // As long as may be.
+    let fits = format!("{:<16384}", "{\"type\":\"ping\",\"nonce\":4711}");
+    stream.0.send(Message::text(fits)).unwrap();
+    stream.until("a pong", |text| {
+        matches!(text, ServerText::Pong { .. }).then_some(())
+    });
+    stream.0.send(Message::text(" ".repeat(16_385))).unwrap();
+    assert_eq!(stream.ending().0, 1009);
+    // And in pieces that are each short enough.
+    let mut stream = Stream::open(&site, &session);
+    for (opcode, is_final) in [(Data::Text, false), (Data::Continue, true)] {
+        let part = Frame::message(" ".repeat(9000), OpCode::Data(opcode), is_final);
+        stream.0.send(Message::Frame(part)).unwrap();
+    }
+    assert_eq!(stream.ending().0, 1009);
+    site.delete(&format!("/api/v1/sessions/{session}"));
+}
+
+#[test]
+fn what_breaks_the_protocol_ends_the_stream_with_its_code() {
+    let rig = shared();
+    let site = rig.site();
+    let session = rig.session(&site);
+    let mut stream = Stream::open(&site, &session);
+    let not_text = Frame::message(vec![0xff, 0xfe], OpCode::Data(Data::Text), true);
+    stream.0.send(Message::Frame(not_text)).unwrap();
+    assert_eq!(stream.ending().0, 1007);
+    let mut stream = Stream::open(&site, &session);
+    // A frame with reserved bits, written past the library.
+    stream
+        .0
+        .get_mut()
+        .write_all(&[0xf1, 0x80, 0, 0, 0, 0])
+        .unwrap();
+    assert_eq!(stream.ending().0, 1002);
+    // A connection that is simply gone is noticed too.
+    drop(Stream::open(&site, &session));
+    eventually("a lost stream is counted", || {
+        site.get("/metrics")
+            .text()
+            .contains("streams_ended_total{reason=\"lost\"} 1")
+    });
+    site.delete(&format!("/api/v1/sessions/{session}"));
+}
+
+/// Fresh blocks without pause, each of 4096 bricks: a picture of 32 kB, wanted many times a second.
+fn fresh_block(thickness_m: f64) -> Value {
+    json!({ "shape": { "kind": "block", "size_m": [0.512, 0.512, thickness_m] } })
+}
+
+#[test]
+fn a_watcher_costs_no_more_than_its_share() {
+    const MEASURED: Duration = Duration::from_secs(3);
+    /// 2 Mbit/s, and a second's worth saved up.
+    const MOST_BYTES: f64 = 250_000.0 * (3.0 + 1.0);
+    let rig = shared();
+    let site = rig.site();
+    let session = rig.session(&site);
+    let mut stream = Stream::open(&site, &session);
+    stream.subscribe("on", "on");
+    let began = Instant::now();
+    let mut bytes = 0;
+    let mut epochs = std::collections::BTreeSet::new();
+    stream.say(&json!({ "type": "reset", "clay": fresh_block(0.063) }));
+    while began.elapsed() < MEASURED {
+        let message = stream.next();
+        bytes += message.len();
+        match message {
+            Message::Text(text) if text.contains("a fresh block") => {
+                stream.say(&json!({ "type": "reset", "clay": fresh_block(0.064) }));
+            }
+            Message::Binary(bytes) => {
+                if let Binary::Bricks(view) = Binary::decode(&bytes).unwrap() {
+                    epochs.insert(view.header.clay_epoch);
+                }
+            }
+            _ => {}
+        }
+    }
+    assert!(
+        3 < epochs.len(),
+        "only {} blocks in three seconds",
+        epochs.len()
+    );
+    println!("{} blocks, {bytes} B in {MEASURED:?}", epochs.len());
+    assert!((bytes as f64) < 1.05 * MOST_BYTES, "{bytes} B");
+    site.delete(&format!("/api/v1/sessions/{session}"));
+}
+
+/// Memory of this process that is in use, bytes.
+fn resident() -> usize {
+    let status = std::fs::read_to_string("/proc/self/statm").unwrap();
+    let pages: usize = status.split(' ').nth(1).unwrap().parse().unwrap();
+    pages * 4096
+}
+
+/// A watcher that reads nothing at all: what waits for it is bounded, others do not notice, and in the end it is let go.
+#[test]
+fn a_watcher_that_does_not_read_is_let_go_and_holds_up_nobody() {
+    let rig = shared();
+    let site = rig.site();
+    let session = rig.session(&site);
+    let path = format!("/api/v1/sessions/{session}");
+    let mut deaf = Stream::open(&site, &session);
+    deaf.subscribe("on", "on");
+    let mut other = Stream::open(&site, &session);
+    other.subscribe("on", "on");
+
+    let began = Instant::now();
+    let mut before = None;
+    let mut slowest = Duration::ZERO;
+    loop {
+        let reset = site.post(&format!("{path}/clay/reset"), &fresh_block(0.064));
+        assert_eq!(reset.status, 200, "{reset:?}");
+        let asked = Instant::now();
+        other.catch_up();
+        slowest = slowest.max(asked.elapsed());
+        let before = *before.get_or_insert_with(resident);
+        assert!(resident() < before + (128 << 20), "memory grows");
+        if site
+            .get("/metrics")
+            .text()
+            .contains("streams_ended_total{reason=\"slow\"} 1")
+        {
+            break;
+        }
+        assert!(began.elapsed() < 2 * PATIENCE, "it is still there");
+    }
+    println!(
+        "let go after {:?}; the other waited at most {slowest:?}",
+        began.elapsed()
+    );
+    assert!(
+        slowest < Duration::from_secs(5),
+        "the other waited {slowest:?}"
+    );
+    // What was on its way can still be read, and then it ends.
+    let mut read = 0;
+    let end = loop {
+        match deaf.0.read() {
+            Ok(message) => read += message.len(),
+            Err(end) => break end,
+        }
+    };
+    assert!(
+        !matches!(end, Error::Io(ref io) if io.kind() == std::io::ErrorKind::WouldBlock),
+        "{end}"
+    );
+    assert!(read < 16 << 20, "{read} B were waiting");
+    println!("{read} B were waiting for it");
+    site.delete(&path);
+}
