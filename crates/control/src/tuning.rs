@@ -11,7 +11,8 @@ use crate::compensators::CompensatorError;
 use crate::delay::{DelayMargin, DelayedScheme};
 use crate::polynomial::Polynomial;
 use crate::rational::RationalFunction;
-use search::{Assessment, CHECKED, ROUNDS};
+use search::{Assessment, CHECKED, ROUNDS, Search};
+use std::ops::ControlFlow;
 
 /// What is wanted, and of which plants.
 #[derive(Clone, Debug, PartialEq)]
@@ -141,6 +142,9 @@ pub enum TuningError {
     /// The loop cannot be formed.
     #[error(transparent)]
     Loop(#[from] LoopError),
+    /// Whoever asked has called the search off.
+    #[error("the search was called off")]
+    CalledOff,
     /// Even the heaviest handle allowed is not enough.
     #[error(
         "no handle up to {heaviest_n_s_per_m} N s/m at 1 Hz will do: with {mass_kg} kg and {damping_n_s_per_m} N s/m, {obstacle}"
@@ -162,18 +166,35 @@ pub enum TuningError {
 /// # Errors
 /// The wish is out of range, or cannot be fulfilled: the error says what stands against it.
 pub fn propose(wish: &Wish) -> Result<Proposal, TuningError> {
+    propose_while(wish, || ControlFlow::Continue(()))
+}
+
+/// The same; `go_on` is asked every few milliseconds at most, and may call the search off. Plants with many sharp resonances take
+/// a minute.
+///
+/// # Errors
+/// As [`propose`], and [`TuningError::CalledOff`].
+pub fn propose_while(
+    wish: &Wish,
+    mut go_on: impl FnMut() -> ControlFlow<()>,
+) -> Result<Proposal, TuningError> {
     wish.require_ranges()?;
+    let mut search = Search {
+        wish,
+        go_on: &mut go_on,
+    };
     let mut clays = wish.clays(2);
     for _ in 0..ROUNDS {
-        match wish.assess(wish.lightest(&clays)?)? {
+        let candidate = search.lightest(&clays)?;
+        match search.assess(candidate)? {
             Assessment::Fulfils(proposal) => return Ok(proposal),
             // The ends of the range were not the worst of it: search again with this clay among them.
             Assessment::Fails { clay, .. } => clays.push(clay),
         }
     }
     // Clays keep turning up between the known ones: let the whole grid decide.
-    let candidate = wish.lightest(&wish.clays(CHECKED))?;
-    match wish.assess(candidate)? {
+    let candidate = search.lightest(&wish.clays(CHECKED))?;
+    match search.assess(candidate)? {
         Assessment::Fulfils(proposal) => Ok(proposal),
         Assessment::Fails { obstacle, .. } => Err(wish.not_within(candidate, obstacle)),
     }

@@ -1,7 +1,8 @@
 //! Tuning: what it proposes holds, nothing lighter of its shape would, and a refusal names its reason.
 
 use std::f64::consts::TAU;
-use teleclay_control::tuning::{Obstacle, TuningError, Wish, propose};
+use std::ops::ControlFlow;
+use teleclay_control::tuning::{Obstacle, TuningError, Wish, propose, propose_while};
 use teleclay_control::{ClosedLoop, DelayedScheme, RationalFunction, compensators::Sides, paper};
 
 fn wish() -> Wish {
@@ -250,4 +251,22 @@ fn wishes_out_of_range_are_refused_by_name() {
         }),
         Err(TuningError::Compensator(_))
     ));
+}
+
+/// Whoever asked may lose patience at any moment, and the search then ends at once.
+#[test]
+fn a_search_can_be_called_off() {
+    for most in [0, 1, 7, 100] {
+        let mut asked = 0;
+        let outcome = propose_while(&wish(), || {
+            asked += 1;
+            if most < asked {
+                ControlFlow::Break(())
+            } else {
+                ControlFlow::Continue(())
+            }
+        });
+        assert_eq!(outcome, Err(TuningError::CalledOff));
+        assert_eq!(asked, most + 1);
+    }
 }

@@ -34,21 +34,37 @@ impl Showing {
 
     /// `share` of the work is done, 0 to 1.
     pub(super) fn at(&mut self, share: f64) {
+        const STEPS: u64 = 1000;
+        self.show(format!("{:.0} %", 100.0 * share), |what| {
+            let style = ProgressStyle::with_template("{msg} {wide_bar} {percent:>3} % {eta}");
+            let bar = ProgressBar::new(STEPS).with_message(what);
+            bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
+        });
+        if let Some(bar) = &self.bar {
+            bar.set_position((share * STEPS as f64) as u64);
+        }
+    }
+
+    /// The work goes on, and nobody knows for how long.
+    pub(super) fn still(&mut self) {
+        let took = format!("{:.0} s", self.began.elapsed().as_secs_f64());
+        self.show(took, |what| ProgressBar::new_spinner().with_message(what));
+        if let Some(bar) = &self.bar {
+            bar.tick();
+        }
+    }
+
+    /// A bar on a terminal; elsewhere a line now and then that says how far it is.
+    fn show(&mut self, how_far: String, bar: impl FnOnce(&'static str) -> ProgressBar) {
         if self.began.elapsed() < QUIET {
             return;
         }
         if self.is_terminal {
-            const STEPS: u64 = 1000;
-            let bar = self.bar.get_or_insert_with(|| {
-                let style = ProgressStyle::with_template("{msg} {wide_bar} {percent:>3} % {eta}");
-                let bar = ProgressBar::new(STEPS).with_message(self.what);
-                bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
-            });
-            bar.set_position((share * STEPS as f64) as u64);
+            self.bar.get_or_insert_with(|| bar(self.what));
         } else if BETWEEN_LINES <= self.last_line.elapsed() {
             self.last_line = Instant::now();
             // Standard error that is closed is nobody's loss.
-            let _ = writeln!(std::io::stderr(), "{}: {:.0} %", self.what, 100.0 * share);
+            let _ = writeln!(std::io::stderr(), "{}: {how_far}", self.what);
         }
     }
 }

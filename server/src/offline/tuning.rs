@@ -1,9 +1,12 @@
 //! `tune`.
 
+use std::ops::ControlFlow;
+
 use clap::{Args, ValueEnum};
 use teleclay_proto::http::theory::{TunedScheme, TuningAnswer, TuningRequest};
 
 use super::output::Table;
+use super::progress::Showing;
 use super::stability::{Plants, margin_in_words};
 use super::values::range;
 use super::{Answer, Input, Output};
@@ -51,7 +54,12 @@ enum Scheme {
 impl Tune {
     pub(super) fn answer(&self) -> anyhow::Result<Answer> {
         let request = self.input.request(|| Ok(self.request()))?;
-        let answer = theory::tune(&request)?;
+        let mut showing = Showing::new("tuning");
+        let answer = theory::tune(&request, || {
+            showing.still();
+            ControlFlow::Continue(())
+        })?;
+        drop(showing);
         Answer::new(self.output, &answer, tables, row)
     }
 

@@ -1,7 +1,9 @@
 //! The tuning helper: requests to `teleclay_control::tuning` and back.
 
+use std::ops::ControlFlow;
+
 use teleclay_control::compensators::CompensatorError;
-use teleclay_control::tuning::{TuningError, Wish, propose};
+use teleclay_control::tuning::{TuningError, Wish, propose_while};
 use teleclay_control::{DelayedScheme, LoopError};
 use teleclay_proto::http::theory::{TransferFunction, TunedScheme, TuningAnswer, TuningRequest};
 use teleclay_proto::http::{FieldError, Validate};
@@ -9,11 +11,14 @@ use teleclay_proto::http::{FieldError, Validate};
 use super::Unanswered;
 use super::stability::{compensator_error, function, polynomial, verdict};
 
-/// The lightest handle that fulfils a wish.
+/// The lightest handle that fulfils a wish. `go_on` is asked now and then, and may call the search off.
 ///
 /// # Errors
-/// A field out of range, or a wish that cannot be fulfilled, with what stands against it.
-pub fn tune(request: &TuningRequest) -> Result<TuningAnswer, Unanswered> {
+/// A field out of range, a wish that cannot be fulfilled, with what stands against it, or a search that was called off.
+pub fn tune(
+    request: &TuningRequest,
+    go_on: impl FnMut() -> ControlFlow<()>,
+) -> Result<TuningAnswer, Unanswered> {
     request.validate()?;
     let wish = Wish {
         g_h: function("/g_h", &request.g_h)?,
@@ -33,7 +38,7 @@ pub fn tune(request: &TuningRequest) -> Result<TuningAnswer, Unanswered> {
         distance: request.distance,
         heaviest_n_s_per_m: request.heaviest_n_s_per_m,
     };
-    let proposal = propose(&wish).map_err(unanswered)?;
+    let proposal = propose_while(&wish, go_on).map_err(unanswered)?;
     Ok(TuningAnswer {
         mass_kg: proposal.mass_kg,
         damping_n_s_per_m: proposal.damping_n_s_per_m,
@@ -59,6 +64,7 @@ fn unanswered(error: TuningError) -> Unanswered {
             error @ (CompensatorError::PositionRatio { .. } | CompensatorError::ForceRatio { .. }),
         )) => compensator_error(error),
         TuningError::Loop(_) => Unanswered::NoLoop(detail),
+        TuningError::CalledOff => Unanswered::CalledOff(detail),
         TuningError::Compensator(_) | TuningError::NotWithin { .. } => {
             Unanswered::Untunable(detail)
         }

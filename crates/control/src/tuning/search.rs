@@ -8,6 +8,7 @@ use crate::paper;
 use crate::polynomial::Polynomial;
 use crate::rational::{RationalError, RationalFunction};
 use std::f64::consts::TAU;
+use std::ops::ControlFlow;
 
 /// `M / B` in s: from a handle that is nearly pure damping to one that coasts for seconds.
 const SHAPES_S: [f64; 11] = [
@@ -36,6 +37,12 @@ struct Verdict {
     obstacle: Option<Obstacle>,
 }
 
+/// A search under way, which asks before each candidate in each clay whether to go on.
+pub(super) struct Search<'a> {
+    pub(super) wish: &'a Wish,
+    pub(super) go_on: &'a mut dyn FnMut() -> ControlFlow<()>,
+}
+
 impl Wish {
     /// A grid over the clay ranges, `per_range` values each, ends included.
     pub(super) fn clays(&self, per_range: usize) -> Vec<ClayPoint> {
@@ -60,14 +67,39 @@ impl Wish {
             .collect()
     }
 
+    fn sides(&self, candidate: Candidate) -> Result<Sides, TuningError> {
+        let sides = Sides {
+            g_h: self.g_h.clone(),
+            s_h: self.s_h.clone(),
+            g_t: self.g_t.clone(),
+            s_t: self.s_t.clone(),
+            c_h1: candidate.c_h1()?,
+            position_ratio: self.position_ratio,
+            force_ratio: self.force_ratio,
+        };
+        compensators(&sides).map_err(TuningError::Compensator)?;
+        Ok(sides)
+    }
+
+    pub(super) fn not_within(&self, candidate: Candidate, obstacle: Obstacle) -> TuningError {
+        TuningError::NotWithin {
+            heaviest_n_s_per_m: self.heaviest_n_s_per_m,
+            mass_kg: candidate.mass_kg(),
+            damping_n_s_per_m: candidate.damping_n_s_per_m(),
+            obstacle,
+        }
+    }
+}
+
+impl Search<'_> {
     /// Lightest candidate over all shapes that does in these clays.
-    pub(super) fn lightest(&self, clays: &[ClayPoint]) -> Result<Candidate, TuningError> {
+    pub(super) fn lightest(&mut self, clays: &[ClayPoint]) -> Result<Candidate, TuningError> {
         let mut best: Option<Candidate> = None;
         let mut least_bad: Option<(f64, Candidate, Obstacle)> = None;
         for shape_s in SHAPES_S {
             let heaviest = Candidate {
                 shape_s,
-                impedance_n_s_per_m: self.heaviest_n_s_per_m,
+                impedance_n_s_per_m: self.wish.heaviest_n_s_per_m,
             };
             if let Some((distance, obstacle)) = self.first_obstacle(heaviest, clays)? {
                 if least_bad
@@ -88,12 +120,12 @@ impl Wish {
         }
         let (_, candidate, obstacle) =
             least_bad.expect("a shape that does not do leaves its obstacle");
-        Err(self.not_within(candidate, obstacle))
+        Err(self.wish.not_within(candidate, obstacle))
     }
 
     /// Goes down from a candidate that does; stops where a step no longer does, and halves that step.
     fn lighten(
-        &self,
+        &mut self,
         from: Candidate,
         clays: &[ClayPoint],
         rival: Option<Candidate>,
@@ -133,7 +165,7 @@ impl Wish {
 
     /// The first clay in which a candidate fails, with the distance that it keeps there.
     fn first_obstacle(
-        &self,
+        &mut self,
         candidate: Candidate,
         clays: &[ClayPoint],
     ) -> Result<Option<(f64, Obstacle)>, TuningError> {
@@ -147,7 +179,7 @@ impl Wish {
     }
 
     /// Checks a candidate over the whole clay range: a proposal, or a clay in which it fails.
-    pub(super) fn assess(&self, candidate: Candidate) -> Result<Assessment, TuningError> {
+    pub(super) fn assess(&mut self, candidate: Candidate) -> Result<Assessment, TuningError> {
         let mut proposal = Proposal {
             mass_kg: candidate.mass_kg(),
             damping_n_s_per_m: candidate.damping_n_s_per_m(),
@@ -156,7 +188,7 @@ impl Wish {
             delay_margin: DelayMargin::Unbounded,
             impedance_n_s_per_m: candidate.impedance_n_s_per_m,
         };
-        for clay in self.clays(CHECKED) {
+        for clay in self.wish.clays(CHECKED) {
             let verdict = self.verdict(candidate, clay)?;
             if let Some(obstacle) = verdict.obstacle {
                 return Ok(Assessment::Fails { clay, obstacle });
@@ -177,12 +209,15 @@ impl Wish {
         Ok(Assessment::Fulfils(proposal))
     }
 
-    fn verdict(&self, candidate: Candidate, clay: ClayPoint) -> Result<Verdict, TuningError> {
-        let sides = self.sides(candidate)?;
+    fn verdict(&mut self, candidate: Candidate, clay: ClayPoint) -> Result<Verdict, TuningError> {
+        if (self.go_on)().is_break() {
+            return Err(TuningError::CalledOff);
+        }
+        let sides = self.wish.sides(candidate)?;
         let t_t = Polynomial::new(&[clay.damping_n_s_per_m, clay.stiffness_n_per_m])
             .map_err(LoopError::Polynomial)?;
-        let closed_loop = ClosedLoop::new(&sides, &self.t_h, &t_t)?;
-        let delay_margin = closed_loop.delay_margin(self.scheme)?;
+        let closed_loop = ClosedLoop::new(&sides, &self.wish.t_h, &t_t)?;
+        let delay_margin = closed_loop.delay_margin(self.wish.scheme)?;
         let failed = |distance, obstacle| {
             Ok(Verdict {
                 distance,
@@ -197,21 +232,22 @@ impl Wish {
             DelayMargin::None(NoMargin::UnstableAdmittance) => {
                 return failed(-1.0, Obstacle::UnstableAdmittance);
             }
-            DelayMargin::Finite { seconds, .. } if seconds <= self.round_trip_s => {
+            DelayMargin::Finite { seconds, .. } if seconds <= self.wish.round_trip_s => {
                 let obstacle = Obstacle::Delay {
                     margin_s: seconds,
-                    wanted_s: self.round_trip_s,
+                    wanted_s: self.wish.round_trip_s,
                     clay,
                 };
                 // Ranks behind every stable candidate, and the sooner lost the further.
-                return failed(seconds / self.round_trip_s - 1.0, obstacle);
+                return failed(seconds / self.wish.round_trip_s - 1.0, obstacle);
             }
             DelayMargin::Finite { .. } | DelayMargin::Unbounded => {}
         }
-        let distance = closed_loop.least_distance_within(self.scheme, self.round_trip_s)?;
-        let obstacle = (distance < self.distance).then_some(Obstacle::Distance {
+        let distance =
+            closed_loop.least_distance_within(self.wish.scheme, self.wish.round_trip_s)?;
+        let obstacle = (distance < self.wish.distance).then_some(Obstacle::Distance {
             got: distance,
-            wanted: self.distance,
+            wanted: self.wish.distance,
             clay,
         });
         Ok(Verdict {
@@ -219,29 +255,6 @@ impl Wish {
             delay_margin,
             obstacle,
         })
-    }
-
-    fn sides(&self, candidate: Candidate) -> Result<Sides, TuningError> {
-        let sides = Sides {
-            g_h: self.g_h.clone(),
-            s_h: self.s_h.clone(),
-            g_t: self.g_t.clone(),
-            s_t: self.s_t.clone(),
-            c_h1: candidate.c_h1()?,
-            position_ratio: self.position_ratio,
-            force_ratio: self.force_ratio,
-        };
-        compensators(&sides).map_err(TuningError::Compensator)?;
-        Ok(sides)
-    }
-
-    pub(super) fn not_within(&self, candidate: Candidate, obstacle: Obstacle) -> TuningError {
-        TuningError::NotWithin {
-            heaviest_n_s_per_m: self.heaviest_n_s_per_m,
-            mass_kg: candidate.mass_kg(),
-            damping_n_s_per_m: candidate.damping_n_s_per_m(),
-            obstacle,
-        }
     }
 }
 

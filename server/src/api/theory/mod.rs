@@ -42,7 +42,7 @@ refusals!(InverseRefusals: SYNTAX, SLOW_BODY, TOO_LARGE, MEDIA_TYPE, FIELD, UNRE
 refusals!(ForwardRefusals: SYNTAX, SLOW_BODY, TOO_LARGE, MEDIA_TYPE, FIELD, NO_ASSEMBLY, SINGULAR);
 refusals!(WorkspaceRefusals: SYNTAX, SLOW_BODY, TOO_LARGE, MEDIA_TYPE, FIELD, BUSY);
 refusals!(LoopRefusals: SYNTAX, SLOW_BODY, TOO_LARGE, MEDIA_TYPE, FIELD, NO_LOOP, BUSY);
-refusals!(TuningRefusals: SYNTAX, SLOW_BODY, TOO_LARGE, MEDIA_TYPE, FIELD, NO_LOOP, UNTUNABLE, BUSY);
+refusals!(TuningRefusals: SYNTAX, SLOW_BODY, TOO_LARGE, MEDIA_TYPE, FIELD, NO_LOOP, UNTUNABLE, BUSY, NO_ANSWER);
 refusals!(CuttingRefusals: SYNTAX, SLOW_BODY, TOO_LARGE, MEDIA_TYPE, FIELD, INFEASIBLE, BUSY, NO_ANSWER);
 
 impl From<Unanswered> for Failure {
@@ -116,7 +116,7 @@ async fn workspace(
     Checked(request): Checked<WorkspaceRequest>,
 ) -> Result<Json<WorkspaceAnswer>, Failure> {
     api.desk()
-        .calculate(move || theory::workspace(&request))
+        .calculate(move |_| theory::workspace(&request))
         .await
         .map(Json)
 }
@@ -134,7 +134,7 @@ async fn analyse(
     Checked(request): Checked<LoopRequest>,
 ) -> Result<Json<LoopAnswer>, Failure> {
     api.desk()
-        .calculate(move || theory::analyse(&request))
+        .calculate(move |_| theory::analyse(&request))
         .await
         .map(Json)
 }
@@ -152,7 +152,7 @@ async fn tune(
     Checked(request): Checked<TuningRequest>,
 ) -> Result<Json<TuningAnswer>, Failure> {
     api.desk()
-        .calculate(move || theory::tune(&request))
+        .calculate(move |patience| theory::tune(&request, || patience.lasts()))
         .await
         .map(Json)
 }

@@ -21,7 +21,7 @@ struct Limits {
     experiments: usize,
     /// Longest wait for a place.
     queue: Duration,
-    /// Longest experiment.
+    /// Longest calculation or experiment that can be called off.
     longest: Duration,
 }
 
@@ -65,27 +65,44 @@ impl Desk {
         }
     }
 
-    /// Runs a calculation whose length is bounded by its input.
+    /// Runs a calculation: milliseconds for most inputs, seconds for a few.
     pub(crate) async fn calculate<T: Send + 'static>(
         &self,
-        work: impl FnOnce() -> Result<T, Unanswered> + Send + 'static,
+        work: impl FnOnce(&Patience) -> Result<T, Unanswered> + Send + 'static,
     ) -> Result<T, Failure> {
-        let place = self.place(&self.calculations).await?;
-        run(place, work).await
+        self.run(&self.calculations, work).await
     }
 
-    /// Runs an experiment, which asks now and then whether to go on.
+    /// Runs an experiment.
     pub(crate) async fn experiment<T: Send + 'static>(
         &self,
         work: impl FnOnce(&Patience) -> Result<T, Unanswered> + Send + 'static,
     ) -> Result<T, Failure> {
-        let place = self.place(&self.experiments).await?;
+        self.run(&self.experiments, work).await
+    }
+
+    /// The place is given back when the work ends, not when whoever asked goes away; the work is told of that, and of the time that
+    /// it has had.
+    async fn run<T: Send + 'static>(
+        &self,
+        places: &Arc<Semaphore>,
+        work: impl FnOnce(&Patience) -> Result<T, Unanswered> + Send + 'static,
+    ) -> Result<T, Failure> {
+        let place = self.place(places).await?;
         let asker = Asker(Arc::new(AtomicBool::new(false)));
         let patience = Patience {
             until: Instant::now() + self.limits.longest,
             gone: Arc::clone(&asker.0),
         };
-        run(place, move || work(&patience)).await
+        let work = move || {
+            let outcome = work(&patience);
+            drop(place);
+            outcome
+        };
+        spawn_blocking(work)
+            .await
+            .map_err(|_| INTERNAL.because("the calculation broke off"))?
+            .map_err(Failure::from)
     }
 
     async fn place(&self, places: &Arc<Semaphore>) -> Result<OwnedSemaphorePermit, Failure> {
@@ -118,22 +135,6 @@ impl Drop for Asker {
     fn drop(&mut self) {
         self.0.store(true, Ordering::Relaxed);
     }
-}
-
-/// The place is given back when the work ends, not when whoever asked goes away.
-async fn run<T: Send + 'static>(
-    place: OwnedSemaphorePermit,
-    work: impl FnOnce() -> Result<T, Unanswered> + Send + 'static,
-) -> Result<T, Failure> {
-    let work = move || {
-        let outcome = work();
-        drop(place);
-        outcome
-    };
-    spawn_blocking(work)
-        .await
-        .map_err(|_| INTERNAL.because("the calculation broke off"))?
-        .map_err(Failure::from)
 }
 
 #[cfg(test)]
@@ -229,7 +230,7 @@ mod tests {
         assert_eq!(told.recv_timeout(PATIENCE), Ok("runs"));
         let refused = desk.experiment(|_| Ok(())).await.unwrap_err();
         assert_eq!(refused.into_problem().kind, "/problems/busy");
-        assert_eq!(desk.calculate(|| Ok(4)).await, Ok(4));
+        assert_eq!(desk.calculate(|_| Ok(4)).await, Ok(4));
         let ended = endless.await.unwrap().unwrap_err();
         assert_eq!(ended.into_problem().kind, "/problems/no-answer");
     }
