@@ -34,6 +34,7 @@ where
     T: DeserializeOwned + Serialize + Validate,
 {
     let document: Value = serde_json::from_slice(body).map_err(syntax_error)?;
+    require_object(&document)?;
     let value: T = read(&document)?;
     // A document keeps the last of two fields of one name; only the text shows that there were two.
     read::<T, _>(&mut serde_json::Deserializer::from_slice(body))?;
@@ -45,6 +46,22 @@ where
     )?;
     value.validate()?;
     Ok(value)
+}
+
+/// Every body is an object. What it is instead is told before its parts are looked at: of an array, serde would read the fields in order.
+fn require_object(document: &Value) -> Result<(), FieldError> {
+    let came = match document {
+        Value::Object(_) => return Ok(()),
+        Value::Array(_) => "an array",
+        Value::String(_) => "a text",
+        Value::Number(_) => "a number",
+        Value::Bool(_) => "a truth value",
+        Value::Null => "null",
+    };
+    Err(FieldError::new(
+        "",
+        format!("{came} came, wanted an object"),
+    ))
 }
 
 fn read<'de, T, D>(deserializer: D) -> Result<T, FieldError>

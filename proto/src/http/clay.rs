@@ -225,10 +225,15 @@ impl Validate for ClayReset {
 )]
 struct RawShape {
     kind: RawKind,
+    #[serde(default, deserialize_with = "super::patch::present")]
     size_m: Option<[f64; 3]>,
+    #[serde(default, deserialize_with = "super::patch::present")]
     edges_m: Option<Vec<f64>>,
+    #[serde(default, deserialize_with = "super::patch::present")]
     depths_of_cut_m: Option<Vec<f64>>,
+    #[serde(default, deserialize_with = "super::patch::present")]
     base_m: Option<f64>,
+    #[serde(default, deserialize_with = "super::patch::present")]
     width_m: Option<f64>,
 }
 

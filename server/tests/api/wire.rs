@@ -133,12 +133,22 @@ impl Site {
 }
 
 impl Answer {
-    /// Reads an answer up to the end of the connection.
+    /// Reads an answer as long as it says that it is, or up to the end of the connection.
     pub(crate) fn read(stream: &mut TcpStream) -> Self {
         let mut bytes = Vec::new();
-        // A connection that is reset after the answer has still answered.
-        let ended = stream.read_to_end(&mut bytes);
-        let Some(end) = bytes.windows(4).position(|four| four == b"\r\n\r\n") else {
+        let mut part = [0; 16 * 1024];
+        let (end, ended) = loop {
+            // A connection that is reset after the answer has still answered.
+            let ended = stream.read(&mut part);
+            bytes.extend_from_slice(&part[..*ended.as_ref().unwrap_or(&0)]);
+            let end = bytes.windows(4).position(|four| four == b"\r\n\r\n");
+            let is_whole =
+                end.is_some_and(|end| announced(&bytes[..end]) == Some(bytes.len() - end - 4));
+            if is_whole || !matches!(ended, Ok(1..)) {
+                break (end, ended);
+            }
+        };
+        let Some(end) = end else {
             panic!(
                 "no answer: {ended:?}, {:?}",
                 String::from_utf8_lossy(&bytes)
@@ -203,4 +213,13 @@ impl Answer {
     pub(crate) fn word(&self) -> String {
         self.problem().kind["/problems/".len()..].to_owned()
     }
+}
+
+/// The length of the body that the head of an answer announces.
+fn announced(head: &[u8]) -> Option<usize> {
+    let head = std::str::from_utf8(head).ok()?.to_ascii_lowercase();
+    let line = head
+        .split("\r\n")
+        .find_map(|line| line.strip_prefix("content-length: "))?;
+    line.parse().ok()
 }
