@@ -179,6 +179,7 @@ pub fn propose_while(
     mut go_on: impl FnMut() -> ControlFlow<()>,
 ) -> Result<Proposal, TuningError> {
     wish.require_ranges()?;
+    let wish = &wish.without_what_is_negligible();
     let mut search = Search {
         wish,
         go_on: &mut go_on,
@@ -200,7 +201,21 @@ pub fn propose_while(
     }
 }
 
+/// A clay of less than this, N·s/m or N/m, or a delay, s, is none: what differs shows at frequencies of no machine only, and the search
+/// would look there.
+const NEGLIGIBLE: f64 = 1e-12;
+
 impl Wish {
+    fn without_what_is_negligible(&self) -> Self {
+        let kept = |value: f64| if value < NEGLIGIBLE { 0.0 } else { value };
+        Self {
+            clay_damping_n_s_per_m: self.clay_damping_n_s_per_m.map(kept),
+            clay_stiffness_n_per_m: self.clay_stiffness_n_per_m.map(kept),
+            round_trip_s: kept(self.round_trip_s),
+            ..self.clone()
+        }
+    }
+
     fn require_ranges(&self) -> Result<(), TuningError> {
         let not_negative = "a finite number not below zero";
         let checks = [

@@ -1,7 +1,9 @@
 //! Tuning: what it proposes holds, nothing lighter of its shape would, and a refusal names its reason.
 
+use cpu_time::ThreadTime;
 use std::f64::consts::TAU;
 use std::ops::ControlFlow;
+use std::time::Duration;
 use teleclay_control::tuning::{Obstacle, TuningError, Wish, propose, propose_while};
 use teleclay_control::{ClosedLoop, DelayedScheme, RationalFunction, compensators::Sides, paper};
 
@@ -268,5 +270,22 @@ fn a_search_can_be_called_off() {
         });
         assert_eq!(outcome, Err(TuningError::CalledOff));
         assert_eq!(asked, most + 1);
+    }
+}
+
+/// Traces of clay and of delay are none, and cost nothing.
+#[test]
+fn what_is_negligible_changes_nothing() {
+    let traces = |trace: f64| Wish {
+        clay_damping_n_s_per_m: [trace, wish().clay_damping_n_s_per_m[1]],
+        clay_stiffness_n_per_m: [trace; 2],
+        round_trip_s: trace,
+        ..wish()
+    };
+    let wanted = propose(&traces(0.0)).unwrap();
+    for trace in [5e-324, 5e-301, 1e-100, 1e-13] {
+        let before = ThreadTime::now();
+        assert_eq!(propose(&traces(trace)).unwrap(), wanted);
+        assert!(before.elapsed() < Duration::from_secs(1));
     }
 }

@@ -213,6 +213,7 @@ pub(crate) fn theory_calls() -> Vec<Call> {
         },
         Call {
             may_be_any_number: &["/geometry/arm_angles_deg", "/region_m", "/branch"],
+            may_be_empty: &[""],
             ..theory(
                 "/api/v1/kinematics/workspace",
                 json!({
@@ -236,7 +237,16 @@ pub(crate) fn theory_calls() -> Vec<Call> {
                 "/t_h",
                 "/omegas_rad_s",
             ],
-            may_be_any_number: &["/g_h", "/s_h", "/g_t", "/s_t", "/c_h1", "/t_h"],
+            may_be_any_number: &[
+                "/g_h",
+                "/s_h",
+                "/g_t",
+                "/s_t",
+                "/c_h1",
+                "/t_h",
+                "/force_ratio",
+                "/omegas_rad_s",
+            ],
             refusals: &["no-loop"],
             ..theory("/api/v1/analysis/loop", loop_body())
         },
@@ -254,12 +264,12 @@ pub(crate) fn theory_calls() -> Vec<Call> {
                 "/clay_damping_n_s_per_m",
                 "/clay_stiffness_n_per_m",
             ],
-            may_be_any_number: &["/g_h", "/s_h", "/g_t", "/s_t", "/t_h"],
+            may_be_any_number: &["/g_h", "/s_h", "/g_t", "/s_t", "/t_h", "/force_ratio"],
             refusals: &["no-loop", "untunable"],
             ..theory("/api/v1/analysis/tuning", tuning_body())
         },
         Call {
-            may_be_any_number: &["/edges_m"],
+            may_be_any_number: &["/edges_m", "/force_ratio"],
             refusals: &["infeasible"],
             ..theory("/api/v1/experiments/cutting", cutting_body())
         },
