@@ -26,6 +26,9 @@ use crate::seat::{Heard, Seat};
 
 /// Records that may wait for whoever reads them: four seconds of ticks.
 const RECORDS_WAITING: usize = 4096;
+/// A handle that follows slowly never stands quite where it was sent, and a loop that takes over starts from where it stands. What lies
+/// between fades with this time constant, s: 0.1 mm then moves the handle at 1 mm/s.
+const SETTLE_TAU_S: f64 = 0.1;
 /// Orders that may wait, and seats that wait to be dropped.
 const ORDERS_WAITING: usize = 4;
 
@@ -86,6 +89,8 @@ pub(crate) struct Engine {
     is_leaving: bool,
     /// The last command and how far it was from the one before, m.
     last_command: Option<([f64; 3], [f64; 3])>,
+    /// What is added to the loop's commands, m; `None` until the loop's first.
+    offset_m: Option<[f64; 3]>,
     request: Option<DeviceRequest>,
     orders: Consumer<Order>,
     records: Producer<Record>,
@@ -114,6 +119,7 @@ impl Engine {
             brake: None,
             is_leaving: false,
             last_command: None,
+            offset_m: None,
             request: None,
             orders,
             records,
@@ -168,7 +174,7 @@ impl Engine {
         }
         let mut mode = Mode::Coupled;
         let mut command = DeviceCommand {
-            position_m: step.command_m,
+            position_m: self.settle(step.command_m),
             force_n: step.felt_force_n,
         };
         if let Some(brake) = &mut self.brake {
@@ -240,12 +246,20 @@ impl Engine {
         }
     }
 
+    /// The loop's command, from where the last one ended.
+    fn settle(&mut self, loop_m: [f64; 3]) -> [f64; 3] {
+        let last_m = self.last_command.map_or(loop_m, |(last_m, _)| last_m);
+        let offset_m = self.offset_m.get_or_insert_with(|| minus(last_m, loop_m));
+        let keep = (-self.tick_s / SETTLE_TAU_S).exp();
+        *offset_m = offset_m.map(|offset| offset * keep);
+        std::array::from_fn(|axis| loop_m[axis] + offset_m[axis])
+    }
+
     fn command(&mut self, command: &DeviceCommand) -> Result<(), DeviceError> {
         let before = self
             .last_command
             .map_or(command.position_m, |(position_m, _)| position_m);
-        let step_m = std::array::from_fn(|axis| command.position_m[axis] - before[axis]);
-        self.last_command = Some((command.position_m, step_m));
+        self.last_command = Some((command.position_m, minus(command.position_m, before)));
         self.device.command(command)
     }
 
@@ -261,6 +275,7 @@ impl Engine {
         let left = std::mem::replace(&mut self.seat, seat);
         self.discard(left);
         self.brake = None;
+        self.offset_m = None;
     }
 
     fn discard(&mut self, seat: Box<Seat>) {
@@ -268,3 +283,10 @@ impl Engine {
         let _ = self.discarded.push(seat);
     }
 }
+
+fn minus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|axis| a[axis] - b[axis])
+}
+
+#[cfg(test)]
+mod tests;

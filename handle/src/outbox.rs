@@ -150,12 +150,15 @@ mod tests {
     use super::*;
     use std::sync::mpsc;
 
-    fn frame(clock: Clock, sequence: u32) -> HandleFrame {
+    /// A frame that gets old when the clock reaches `sent_ns` and 20 ms.
+    fn frame(sequence: u32, sent_ns: u64) -> HandleFrame {
         let mut frame = HandleFrame::default();
         frame.header.sequence = sequence;
-        frame.header.sent_ns = clock.now_ns();
+        frame.header.sent_ns = sent_ns;
         frame
     }
+
+    const NEVER: u64 = u64::MAX;
 
     fn sequence(bytes: &[u8]) -> u32 {
         HandleFrame::decode(bytes).unwrap().header.sequence
@@ -168,7 +171,7 @@ mod tests {
         let (mut outbox, sender) =
             Sender::spawn(clock, move |bytes| sent.send(sequence(bytes)).is_ok()).unwrap();
         for number in 0..50 {
-            outbox.push(&frame(clock, number)).unwrap();
+            outbox.push(&frame(number, NEVER)).unwrap();
             assert_eq!(received.recv_timeout(Duration::from_secs(10)), Ok(number));
         }
         drop(sender);
@@ -193,10 +196,9 @@ mod tests {
             true
         })
         .unwrap();
-        outbox.push(&frame(clock, 0)).unwrap();
+        outbox.push(&frame(0, NEVER)).unwrap();
         assert_eq!(received.recv_timeout(Duration::from_secs(10)), Ok(0));
-        let mut old = frame(clock, 1);
-        old.header.sent_ns = 1;
+        let old = frame(1, 1);
         let began_ns = clock.now_ns();
         while clock.now_ns() < began_ns + 2 * STALE_NS {
             std::hint::spin_loop();
@@ -206,7 +208,7 @@ mod tests {
             .count();
         assert_eq!(refused, 3);
         open.send(()).unwrap();
-        let fresh = frame(clock, 2);
+        let fresh = frame(2, NEVER);
         while outbox.push(&fresh) == Err(Full) {
             std::hint::spin_loop();
         }

@@ -96,9 +96,12 @@ pub enum Failure {
     /// The lease cannot be used.
     #[error(transparent)]
     Line(#[from] LineError),
-    /// The device cannot be used.
-    #[error(transparent)]
-    Device(#[from] DeviceError),
+    /// The device cannot be opened.
+    #[error("the device: {0}")]
+    Open(DeviceError),
+    /// The device was lost on the way.
+    #[error("{0}; force released")]
+    Device(DeviceError),
     /// The system has no thread to give.
     #[error("the 1 kHz thread: {0}")]
     Thread(#[from] std::io::Error),
@@ -125,9 +128,9 @@ impl Failure {
     pub const fn exit_code(&self) -> u8 {
         match self {
             Self::Join { .. } => 2,
-            Self::Fault(_) | Self::ThreadEnded | Self::Device(DeviceError::Lost { .. }) => 3,
+            Self::Fault(_) | Self::ThreadEnded | Self::Device(_) => 3,
             Self::NoServer { .. } => 4,
-            Self::Network(_) | Self::Line(_) | Self::Device(_) | Self::Thread(_) => 1,
+            Self::Network(_) | Self::Line(_) | Self::Open(_) | Self::Thread(_) => 1,
         }
     }
 }
@@ -197,6 +200,7 @@ struct Run {
     /// Of the last record: lease, contact, and since when it lasts.
     contact: (u32, Contact, Instant),
     mode: Mode,
+    is_leaving: bool,
 }
 
 impl Run {
@@ -222,8 +226,11 @@ impl Run {
             freshening: None,
             contact: (0, Contact::NotYet, started),
             mode: Mode::Resting,
+            is_leaving: false,
         };
         run.search();
+        // Opening Zenoh has taken a part of the wait.
+        run.searching_since = started;
         run
     }
 
@@ -343,7 +350,7 @@ impl Run {
             self.rig = Some(rig);
             return Ok(());
         }
-        let device = (self.options.open_device)(&workplace)?;
+        let device = (self.options.open_device)(&workplace).map_err(Failure::Open)?;
         let name = device.name().to_owned();
         let now = Timestamp::from_nanos(self.clock.now_ns());
         let (engine, ends) = Engine::new(now, workplace.tick_s, device, seat);
@@ -414,7 +421,7 @@ impl Run {
             outcome = outcome.and(met);
         }
         match failure {
-            Some(error) => Err(error.into()),
+            Some(error) => Err(Failure::Device(error)),
             None if is_finished => outcome.and(Err(Failure::ThreadEnded)),
             None => outcome,
         }
@@ -430,6 +437,10 @@ impl Run {
             let rounds = self.tally.on_round();
             self.tell(Event::RoundFinished { rounds });
             self.ask_for_fresh_clay();
+        }
+        if self.is_leaving {
+            // A server may stop speaking to whoever says goodbye.
+            return Ok(());
         }
         let is_current = self
             .line
@@ -505,6 +516,7 @@ impl Run {
     /// Brings the handle to rest, says goodbye in frames, and gives the lease back.
     async fn leave(&mut self) -> Result<(), Failure> {
         let mut outcome = Ok(());
+        self.is_leaving = true;
         if let Some(rig) = &mut self.rig {
             // A full ring means a thread that has stopped: then there is nothing to bring to rest.
             let _ = rig.ends.orders.push(Order::Leave);

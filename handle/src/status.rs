@@ -280,6 +280,9 @@ impl Tally {
 impl fmt::Display for Status {
     /// One line for people.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.ticks == 0 {
+            return write!(f, "{:.1} s: never joined", self.time_s);
+        }
         let ms = |s: f64| s * 1e3;
         write!(
             f,

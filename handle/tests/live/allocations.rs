@@ -1,0 +1,130 @@
+//! The steady tick allocates nothing: counted on its own thread, from one sample of the device to the next, so that all of the tick, its
+//! rings and its timer are in it.
+
+#![allow(unsafe_code, reason = "a global allocator cannot be written without")]
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use teleclay_handle::device::{Device, DeviceCommand, DeviceError, DeviceRequest, SimulatedDevice};
+use teleclay_handle::intent::Wish;
+use teleclay_operator::DeviceSample;
+
+use super::holder::Holder;
+use super::server::{Server, free_endpoint};
+
+struct Counting;
+
+thread_local! {
+    static TOUCHED: Cell<u64> = const { Cell::new(0) };
+}
+
+fn count() {
+    // A thread that is about to end has no count any more; nothing is measured there.
+    let _ = TOUCHED.try_with(|touched| touched.set(touched.get() + 1));
+}
+
+// SAFETY: every call goes to the system's allocator as it came; counting touches no memory of the caller's.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        count();
+        // SAFETY: the caller keeps `alloc`'s contract, which is the same one.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        count();
+        // SAFETY: the pointer came from `alloc` above, so from the system's allocator with this layout.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+/// Ticks until everything that happens once has happened: the first frames, the ramps.
+const WARM_UP: u64 = 300;
+/// Ticks that are counted.
+const STEADY: u64 = 1000;
+
+/// A cutting hand that reads its thread's count of allocations each tick.
+struct Counter {
+    device: SimulatedDevice,
+    ticks: u64,
+    at_start: u64,
+    /// Allocations over the steady ticks, once they are over.
+    result: Arc<AtomicU64>,
+}
+
+const NOT_YET: u64 = u64::MAX;
+
+impl Device for Counter {
+    fn name(&self) -> &str {
+        "counter"
+    }
+
+    fn sample(&mut self) -> Result<DeviceSample, DeviceError> {
+        let touched = TOUCHED.with(Cell::get);
+        self.ticks += 1;
+        if self.ticks == WARM_UP {
+            self.at_start = touched;
+        }
+        if self.ticks == WARM_UP + STEADY {
+            self.result
+                .store(touched - self.at_start, Ordering::Release);
+        }
+        self.device.sample()
+    }
+
+    fn command(&mut self, command: &DeviceCommand) -> Result<(), DeviceError> {
+        self.device.command(command)
+    }
+
+    fn poll_request(&mut self) -> Option<DeviceRequest> {
+        self.device.poll_request()
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_steady_tick_allocates_nothing() {
+    let endpoint = free_endpoint();
+    let _server = Server::start(&endpoint, &["lab"], 1).await;
+    let result = Arc::new(AtomicU64::new(NOT_YET));
+    let counted = Arc::clone(&result);
+    let mut holder = Holder::start_with(
+        &endpoint,
+        Box::new(move |workplace| {
+            let device = SimulatedDevice::new(&Wish::Cutting, workplace)?;
+            Ok(Box::new(Counter {
+                device,
+                ticks: 0,
+                at_start: 0,
+                result: Arc::clone(&counted),
+            }))
+        }),
+    );
+    holder
+        .feels("enough ticks", |status| WARM_UP + STEADY < status.ticks)
+        .await;
+    let ending = holder.ends().await;
+    ending.outcome.unwrap();
+    assert!(
+        STEADY / 2 < ending.summary.received,
+        "the ticks that were counted had frames to take in"
+    );
+    assert_eq!(
+        result.load(Ordering::Acquire),
+        0,
+        "allocations in {STEADY} ticks"
+    );
+}
+
+/// The count counts: a device that allocates is found out.
+#[test]
+fn an_allocation_is_seen() {
+    let before = TOUCHED.with(Cell::get);
+    drop(std::hint::black_box(vec![1_u8]));
+    assert_eq!(TOUCHED.with(Cell::get) - before, 2);
+}

@@ -1,0 +1,410 @@
+//! A tool side over real Zenoh that answers each handle frame with one of its own, and fails in the ways a server can.
+
+use std::net::TcpListener;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::mpsc::{self, Sender};
+use std::sync::{Arc, Mutex};
+use std::thread;
+use std::time::Instant;
+
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use teleclay_proto::frame::{Engagement, HandleFrame, LoopStatus, MAX_FRAME, ToolFrame};
+use teleclay_proto::http::ClayShape;
+use teleclay_proto::join::{
+    ClayDescription, FreshReply, FreshRequest, Granted, JoinReply, JoinRequest, LeaveReply,
+    LeaveRequest, LoopParameters,
+};
+use teleclay_proto::keys::SessionKeys;
+use teleclay_proto::{NodeName, Scheme, SessionId};
+use teleclay_shell::Clock;
+use teleclay_shell::network::{self, CONTROL_QOS, Endpoints};
+use tokio::sync::mpsc::{UnboundedReceiver, UnboundedSender, unbounded_channel};
+use zenoh::pubsub::Subscriber;
+use zenoh::query::Queryable;
+use zenoh::{Session, Wait};
+
+/// Force of the clay on the tool along x, N, whatever the tool does.
+pub(crate) const PUSH_N: f64 = 0.6;
+/// The one tool of each node.
+pub(crate) const TOOL: u32 = 1;
+
+/// What the server has seen.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Seen {
+    Join(JoinRequest),
+    Leave(u32),
+    Fresh(u32),
+    /// The first frame under this lease.
+    FirstFrame(u32),
+    /// The first frame that says goodbye.
+    Goodbye(u32),
+}
+
+/// How it answers to a join.
+#[derive(Clone)]
+pub(crate) enum Door {
+    /// A lease under these parameters.
+    Open(Box<LoopParameters>),
+    /// These very bytes.
+    Says(Vec<u8>),
+}
+
+/// What goes down for each frame that comes up.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Speech {
+    /// A tool frame.
+    Frames,
+    /// A tool frame after others that are of no use or under no lease of ours.
+    FramesAmidGarbage,
+    /// A tool frame with a force that is not a number.
+    NotANumber,
+    /// Nothing.
+    Silence,
+}
+
+/// What a test may change while the server runs.
+pub(crate) struct Mood {
+    pub(crate) door: Mutex<Door>,
+    pub(crate) speech: Mutex<Speech>,
+    pub(crate) fresh: Mutex<FreshReply>,
+    pub(crate) status: Mutex<LoopStatus>,
+}
+
+/// The server. Dropping it ends its sessions; [`kill`](Self::kill) waits for that.
+pub(crate) struct Server {
+    pub(crate) mood: Arc<Mood>,
+    pub(crate) slow: Session,
+    seen: UnboundedReceiver<Seen>,
+    control: Session,
+    _queryables: Vec<Queryable<()>>,
+    _subscribers: Vec<Subscriber<()>>,
+}
+
+/// The parameters it gives unless told otherwise.
+pub(crate) fn parameters() -> LoopParameters {
+    LoopParameters {
+        scheme: Scheme::ForceExchange,
+        ..LoopParameters::default()
+    }
+}
+
+pub(crate) fn keys(node: &str) -> SessionKeys {
+    SessionKeys::new(
+        NodeName::new(node).expect("a name"),
+        SessionId::new("demo").expect("a name"),
+    )
+}
+
+/// An endpoint whose port, and the one above it, nobody uses now.
+pub(crate) fn free_endpoint() -> String {
+    loop {
+        let first = TcpListener::bind("127.0.0.1:0").expect("the system has a port");
+        let port = first.local_addr().expect("it is bound").port();
+        if port < u16::MAX && TcpListener::bind(("127.0.0.1", port + 1)).is_ok() {
+            return format!("tcp/127.0.0.1:{port}");
+        }
+    }
+}
+
+impl Server {
+    /// Session `demo` on each of these nodes; leases count from `first_lease`.
+    pub(crate) async fn start(endpoint: &str, nodes: &[&str], first_lease: u32) -> Self {
+        Self::start_with(endpoint, nodes, first_lease, parameters()).await
+    }
+
+    /// Under other parameters.
+    pub(crate) async fn start_with(
+        endpoint: &str,
+        nodes: &[&str],
+        first_lease: u32,
+        parameters: LoopParameters,
+    ) -> Self {
+        let slow_endpoint = network::neighbour(endpoint, 1).expect("the port was chosen so");
+        let control = network::open(&listening(endpoint))
+            .await
+            .expect("the port is free");
+        let slow = network::open(&listening(&slow_endpoint))
+            .await
+            .expect("the port is free");
+        let (saw, seen) = unbounded_channel();
+        let mood = Arc::new(Mood {
+            door: Mutex::new(Door::Open(Box::new(parameters))),
+            speech: Mutex::new(Speech::Frames),
+            fresh: Mutex::new(FreshReply::Fresh { epoch: 2 }),
+            status: Mutex::new(LoopStatus::Running),
+        });
+        let next_lease = Arc::new(AtomicU32::new(first_lease));
+        let (mut queryables, mut subscribers) = (Vec::new(), Vec::new());
+        for node in nodes {
+            let desk = Desk {
+                keys: keys(node),
+                mood: Arc::clone(&mood),
+                saw: saw.clone(),
+                next_lease: Arc::clone(&next_lease),
+                lease: Arc::new(AtomicU32::new(0)),
+                slow_endpoint: slow_endpoint.clone(),
+            };
+            for session in [&control, &slow] {
+                queryables.extend(desk.open(session).await);
+            }
+            subscribers.push(desk.work(&control).await);
+        }
+        Self {
+            mood,
+            slow,
+            seen,
+            control,
+            _queryables: queryables,
+            _subscribers: subscribers,
+        }
+    }
+
+    /// The next thing that it sees and `pick` wants, within half a minute.
+    pub(crate) async fn sees<T>(
+        &mut self,
+        what: &str,
+        mut pick: impl FnMut(Seen) -> Option<T>,
+    ) -> T {
+        let wanted = async {
+            loop {
+                let seen = self.seen.recv().await.expect("the server runs");
+                if let Some(wanted) = pick(seen) {
+                    return wanted;
+                }
+            }
+        };
+        tokio::time::timeout(super::PATIENCE, wanted)
+            .await
+            .unwrap_or_else(|_| panic!("the server never saw {what}"))
+    }
+
+    pub(crate) fn speak(&self, speech: Speech) -> Instant {
+        *self.mood.speech.lock().unwrap() = speech;
+        Instant::now()
+    }
+
+    /// Ends it, as the end of its process would: nobody is told.
+    pub(crate) async fn kill(self) {
+        self.control.close().await.expect("it closes");
+        self.slow.close().await.expect("it closes");
+    }
+}
+
+fn listening(endpoint: &str) -> Endpoints {
+    Endpoints {
+        listen: vec![endpoint.to_owned()],
+        ..Endpoints::default()
+    }
+}
+
+/// One node's session.
+#[derive(Clone)]
+struct Desk {
+    keys: SessionKeys,
+    mood: Arc<Mood>,
+    saw: UnboundedSender<Seen>,
+    next_lease: Arc<AtomicU32>,
+    lease: Arc<AtomicU32>,
+    slow_endpoint: String,
+}
+
+impl Desk {
+    async fn open(&self, session: &Session) -> [Queryable<()>; 3] {
+        let (join, leave, fresh) = (self.clone(), self.clone(), self.clone());
+        [
+            answer(session, self.keys.join(), move |request| join.join(request)).await,
+            answer(session, self.keys.leave(), move |request| {
+                bytes(&leave.leave(request))
+            })
+            .await,
+            answer(
+                session,
+                self.keys.clay_fresh(),
+                move |FreshRequest { lease }| {
+                    fresh.tell(Seen::Fresh(lease));
+                    bytes(&*fresh.mood.fresh.lock().unwrap())
+                },
+            )
+            .await,
+        ]
+    }
+
+    fn join(&self, request: JoinRequest) -> Vec<u8> {
+        self.tell(Seen::Join(request));
+        let parameters = match &*self.mood.door.lock().unwrap() {
+            Door::Open(parameters) => **parameters,
+            Door::Says(bytes) => return bytes.clone(),
+        };
+        let lease = self.next_lease.fetch_add(1, Ordering::Relaxed);
+        self.lease.store(lease, Ordering::Relaxed);
+        bytes(&JoinReply::Granted(Box::new(Granted {
+            lease,
+            tool: TOOL,
+            lease_s: 5.0,
+            parameters,
+            clay: ClayDescription {
+                shape: ClayShape::block(),
+                voxel_size_m: 5e-4,
+                epoch: 1,
+                revision: 0,
+            },
+            slow_endpoint: Some(self.slow_endpoint.clone()),
+        })))
+    }
+
+    fn leave(&self, LeaveRequest { lease }: LeaveRequest) -> LeaveReply {
+        self.tell(Seen::Leave(lease));
+        let left = self
+            .lease
+            .compare_exchange(lease, 0, Ordering::Relaxed, Ordering::Relaxed);
+        if left.is_ok() {
+            LeaveReply::Left
+        } else {
+            LeaveReply::NoSuchLease
+        }
+    }
+
+    /// Answers frames. Zenoh's thread only decodes and hands over, as everywhere.
+    async fn work(&self, control: &Session) -> Subscriber<()> {
+        let (congestion, priority, express, reliability) = CONTROL_QOS;
+        let down = control
+            .declare_publisher(self.keys.tool_down(TOOL))
+            .congestion_control(congestion)
+            .priority(priority)
+            .express(express)
+            .reliability(reliability)
+            .await
+            .expect("a publisher");
+        let (arrived, frames) = mpsc::channel::<HandleFrame>();
+        let desk = self.clone();
+        thread::spawn(move || {
+            let mut tool = Tool {
+                desk,
+                clock: Clock::start(),
+                sequence: 0,
+                greeted: 0,
+                left: 0,
+            };
+            for frame in frames {
+                // A session that is closed takes nothing any more; the thread ends with its subscriber.
+                tool.answer(&frame, |payload| drop(down.put(payload).wait()));
+            }
+        });
+        receive(control, self.keys.tool_up(TOOL), arrived).await
+    }
+
+    fn tell(&self, seen: Seen) {
+        // A server that is being dropped has no eyes any more.
+        let _ = self.saw.send(seen);
+    }
+}
+
+struct Tool {
+    desk: Desk,
+    clock: Clock,
+    sequence: u32,
+    greeted: u32,
+    left: u32,
+}
+
+impl Tool {
+    fn answer(&mut self, frame: &HandleFrame, put: impl Fn(&[u8])) {
+        let lease = frame.header.lease;
+        if lease != self.desk.lease.load(Ordering::Relaxed) {
+            return;
+        }
+        if self.greeted != lease {
+            self.greeted = lease;
+            self.desk.tell(Seen::FirstFrame(lease));
+        }
+        if frame.engagement == Engagement::Leaving && self.left != lease {
+            self.left = lease;
+            self.desk.tell(Seen::Goodbye(lease));
+        }
+        let speech = *self.desk.mood.speech.lock().unwrap();
+        if speech == Speech::Silence {
+            return;
+        }
+        self.sequence += 1;
+        let mut answer = ToolFrame {
+            status: *self.desk.mood.status.lock().unwrap(),
+            force_n: [-PUSH_N, 0.0, 0.0],
+            ..ToolFrame::default()
+        };
+        answer.header.lease = lease;
+        answer.header.sequence = self.sequence;
+        answer.header.scheme = frame.header.scheme;
+        answer.header.sent_ns = self.clock.now_ns();
+        answer.header.echo_ns = frame.header.sent_ns;
+        if speech == Speech::NotANumber {
+            answer.force_n[2] = f64::NAN;
+        }
+        let mut buffer = [0; MAX_FRAME];
+        if speech == Speech::FramesAmidGarbage {
+            garbage(&answer, frame, &put);
+        }
+        put(answer.encode(&mut buffer));
+    }
+}
+
+/// Everything that must not reach a hand: nothing, half a frame, a frame of the other direction, of another version, of another lease,
+/// with something after its end.
+fn garbage(answer: &ToolFrame, frame: &HandleFrame, put: impl Fn(&[u8])) {
+    let mut buffer = [0; MAX_FRAME];
+    let good = answer.encode(&mut buffer).to_vec();
+    put(&[]);
+    put(&good[..good.len() / 2]);
+    put(&[&good[..], b"more"].concat());
+    put(frame.encode(&mut buffer));
+    let mut version = good.clone();
+    version[2] = version[2].wrapping_add(1);
+    put(&version);
+    let mut foreign = *answer;
+    foreign.header.lease = answer.header.lease.wrapping_add(1000);
+    foreign.header.sequence = u32::MAX / 2;
+    foreign.force_n = [1e3; 3];
+    put(foreign.encode(&mut buffer));
+}
+
+async fn answer<Q>(
+    session: &Session,
+    key: String,
+    reply: impl Fn(Q) -> Vec<u8> + Send + Sync + 'static,
+) -> Queryable<()>
+where
+    Q: DeserializeOwned,
+{
+    let at = key.clone();
+    session
+        .declare_queryable(key)
+        .callback(move |query| {
+            let question = query
+                .payload()
+                .expect("every question has a body")
+                .to_bytes();
+            let question = serde_json::from_slice(&question).expect("questions are well formed");
+            // Whoever asked may have gone.
+            let _ = query.reply(at.as_str(), reply(question)).wait();
+        })
+        .await
+        .expect("a queryable")
+}
+
+async fn receive(control: &Session, key: String, arrived: Sender<HandleFrame>) -> Subscriber<()> {
+    let arrived = Mutex::new(arrived);
+    control
+        .declare_subscriber(key)
+        .callback(move |sample| {
+            let frame = HandleFrame::decode(&sample.payload().to_bytes())
+                .expect("handle frames are well formed");
+            // The thread ends after this callback does.
+            let _ = arrived.lock().unwrap().send(frame);
+        })
+        .await
+        .expect("a subscriber")
+}
+
+fn bytes(value: &impl Serialize) -> Vec<u8> {
+    serde_json::to_vec(value).expect("replies are JSON")
+}
