@@ -1,11 +1,12 @@
 //! The command line of `teleclay-handle`. Parsed once; what comes out can be run.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser, ValueEnum};
 use teleclay_proto::{NodeName, SessionId};
+use teleclay_shell::Drift;
 use teleclay_shell::network::check_endpoint;
 use teleclay_shell::ticker::Scheduling;
 
@@ -65,6 +66,12 @@ pub struct Arguments {
     /// The last microseconds of each wait that are spun: punctuality for processor time
     #[arg(long, value_name = "US", default_value_t = 0, value_parser = clap::value_parser!(u64).range(..=MAX_SPIN_US))]
     pub spin_us: u64,
+    /// Write every tick to this CSV file: time, contact, motion, forces
+    #[arg(long, value_name = "FILE")]
+    pub record: Option<PathBuf>,
+    /// Let the handle's clock run fast by this much, to see what another machine's crystal does
+    #[arg(long, value_name = "PPM", default_value = "0", allow_negative_numbers = true, value_parser = drift)]
+    pub clock_drift_ppm: Drift,
     /// Print a line of JSON each second and one at the end, instead of the summary in words
     #[arg(long)]
     pub json: bool,
@@ -289,6 +296,13 @@ fn seconds(text: &str) -> Result<Duration, String> {
     duration.ok_or_else(|| "want a number of seconds above zero".to_owned())
 }
 
+fn drift(text: &str) -> Result<Drift, String> {
+    let ppm = text
+        .parse()
+        .map_err(|_| "want a whole number of parts per million".to_owned())?;
+    Drift::from_ppm(ppm).map_err(|error| error.to_string())
+}
+
 fn user_at_host() -> String {
     let user = ["USER", "LOGNAME", "USERNAME"]
         .iter()
@@ -429,6 +443,7 @@ mod tests {
             ),
             (&["--force-n", "1,0"], "2 number(s), want three: X,Y,Z"),
             (&["--frequency-hz", "0"], "want a finite number above zero"),
+            (&["--clock-drift-ppm", "-200000"], "want -100000 to 100000"),
             (
                 &["--intent", "trajectory", "--waypoints", "there.txt"],
                 "neither a file nor a list",

@@ -16,6 +16,7 @@ use teleclay_bilateral::Contact;
 use teleclay_link::arrivals::ArrivalCounts;
 use teleclay_link::safety::NotFinite;
 use teleclay_link::time::Timestamp;
+use teleclay_operator::DeviceSample;
 use teleclay_proto::Scheme;
 use teleclay_shell::Clock;
 use teleclay_shell::ticker::{Next, Tick, Ticker, TickerConfig};
@@ -54,6 +55,8 @@ pub(crate) enum Mode {
 /// One tick, for whoever counts and watches.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Record {
+    /// On the handle's clock.
+    pub(crate) at_ns: u64,
     pub(crate) lateness_ns: u64,
     pub(crate) given_up: u64,
     pub(crate) work_ns: u64,
@@ -61,7 +64,10 @@ pub(crate) struct Record {
     pub(crate) mode: Mode,
     pub(crate) contact: Contact,
     pub(crate) silence_ns: u64,
+    /// Since the tool side last showed that it had heard something new.
+    pub(crate) echo_age_ns: u64,
     pub(crate) heard: Heard,
+    pub(crate) sample: DeviceSample,
     pub(crate) felt_force_n: [f64; 3],
     pub(crate) arrivals: ArrivalCounts,
     pub(crate) lost_on_the_way_out: u64,
@@ -195,6 +201,7 @@ impl Engine {
         }
         self.request = self.request.or_else(|| self.device.poll_request());
         let record = Record {
+            at_ns: now.as_nanos(),
             lateness_ns: 0,
             given_up: 0,
             work_ns: 0,
@@ -202,7 +209,9 @@ impl Engine {
             mode,
             contact: step.contact,
             silence_ns: self.seat.silence_ns(now),
+            echo_age_ns: self.seat.echo_age_ns(now),
             heard,
+            sample,
             felt_force_n: command.force_n,
             arrivals: self.seat.side.arrivals(),
             lost_on_the_way_out: self.seat.lost_on_the_way_out(),
@@ -286,6 +295,30 @@ impl Engine {
 
 fn minus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     std::array::from_fn(|axis| a[axis] - b[axis])
+}
+
+/// A tick like any other.
+#[cfg(test)]
+pub(crate) fn sample_record() -> Record {
+    Record {
+        at_ns: 1,
+        lateness_ns: 0,
+        given_up: 0,
+        work_ns: 4_000,
+        lease: 1,
+        mode: Mode::Coupled,
+        contact: Contact::Live,
+        silence_ns: 0,
+        echo_age_ns: 0,
+        heard: Heard::default(),
+        sample: DeviceSample::default(),
+        felt_force_n: [0.0; 3],
+        arrivals: ArrivalCounts::default(),
+        lost_on_the_way_out: 0,
+        scheme: Scheme::ForceExchange,
+        fault: None,
+        request: None,
+    }
 }
 
 #[cfg(test)]

@@ -78,6 +78,11 @@ pub enum Event {
         /// Why.
         reason: String,
     },
+    /// Ticks are no longer written down.
+    RecordingEnded {
+        /// Why.
+        reason: String,
+    },
     /// How it goes, once a second.
     Status(Box<Status>),
 }
@@ -102,7 +107,8 @@ impl Event {
             | Self::OnCopy { .. }
             | Self::OnStaleCopy
             | Self::SessionFault
-            | Self::NoFreshClay { .. } => Weight::Warning,
+            | Self::NoFreshClay { .. }
+            | Self::RecordingEnded { .. } => Weight::Warning,
             Self::Joined { .. } | Self::Ticking { .. } | Self::Paused | Self::FreshClay { .. } => {
                 Weight::Notice
             }
@@ -187,6 +193,9 @@ impl fmt::Display for Event {
             }
             Self::FreshClay { epoch } => write!(f, "fresh clay, block {epoch}"),
             Self::NoFreshClay { reason } => write!(f, "no fresh clay: {reason}"),
+            Self::RecordingEnded { reason } => {
+                write!(f, "ticks are no longer recorded: {reason}")
+            }
             Self::Status(status) => write!(f, "{status}"),
         }
     }

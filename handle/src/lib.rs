@@ -7,6 +7,7 @@
 //! | [`arguments`] | the command line |
 //! | [`mod@run`] | join, drive the device, notice what is lost, join again, leave |
 //! | [`event`], [`status`] | what it tells on the way |
+//! | [`recording`] | every tick in a file |
 //!
 //! Within, `engine` is the tick; `seat` is one lease as the tick holds it, and `line` the network's end of the same lease; `outbox` carries
 //! frames from the one to the other; `brake` brings the handle to rest when loops are exchanged; `join` asks the server.
@@ -19,6 +20,7 @@ pub mod arguments;
 pub mod device;
 pub mod event;
 pub mod intent;
+pub mod recording;
 pub mod run;
 pub mod status;
 

@@ -8,6 +8,7 @@ use serde::Serialize;
 use teleclay_handle::arguments::Arguments;
 use teleclay_handle::event::{Event, Weight};
 use teleclay_handle::intent::Wish;
+use teleclay_handle::recording::Recording;
 use teleclay_handle::run::{Ending, Options, Until};
 use teleclay_handle::status::Status;
 use teleclay_handle::{device, run};
@@ -86,6 +87,15 @@ async fn hold(arguments: Arguments, wish: Wish) -> ExitCode {
         std::process::exit(INTERRUPTED);
     });
 
+    let recording = match arguments.record.as_deref().map(Recording::create) {
+        None => None,
+        Some(Ok(recording)) => Some(recording),
+        Some(Err(error)) => {
+            let path = arguments.record.unwrap_or_default();
+            error!("--record {}: {error}", path.display());
+            return ExitCode::FAILURE;
+        }
+    };
     let (events, told) = mpsc::unbounded_channel();
     let teller = tokio::spawn(tell(told, arguments.json, stop));
     let kind = arguments.device;
@@ -99,6 +109,8 @@ async fn hold(arguments: Arguments, wish: Wish) -> ExitCode {
         open_device: Box::new(move |workplace| device::open(kind, &wish, workplace)),
         scheduling: arguments.scheduling,
         spin: Duration::from_micros(arguments.spin_us),
+        clock_drift: arguments.clock_drift_ppm,
+        recording,
     };
     let until = Until {
         stop: stopped,

@@ -8,9 +8,9 @@ use teleclay_bilateral::Contact;
 use teleclay_link::safety::NotFinite;
 use teleclay_proto::join::{FreshReply, JoinRequest};
 use teleclay_proto::{NodeName, PROTOCOL, SessionId};
-use teleclay_shell::Clock;
 use teleclay_shell::network::{self, Endpoints, NetworkError};
 use teleclay_shell::ticker::{Scheduling, Ticker, TickerConfig};
+use teleclay_shell::{Clock, Drift};
 use tokio::sync::mpsc::UnboundedSender;
 use tokio::sync::watch;
 use tokio::time::{Instant, Interval, MissedTickBehavior, interval, sleep_until, timeout};
@@ -21,6 +21,7 @@ use crate::engine::{Ends, Engine, Mode, Order, Record};
 use crate::event::Event;
 use crate::join::{self, Invitation, JoinError, OldLease, Welcome};
 use crate::line::{Line, LineError};
+use crate::recording::Recording;
 use crate::status::{State, Status, Tally};
 use teleclay_link::time::Timestamp;
 
@@ -60,6 +61,10 @@ pub struct Options {
     pub scheduling: Scheduling,
     /// The last part of each wait that is spun.
     pub spin: Duration,
+    /// How much faster the handle's clock runs than the system's; for tests of what another machine's crystal does.
+    pub clock_drift: Drift,
+    /// Where every tick is written down.
+    pub recording: Option<Recording>,
 }
 
 /// When to end a run.
@@ -211,8 +216,8 @@ impl Run {
         started: Instant,
     ) -> Self {
         let mut run = Self {
+            clock: Clock::start_drifting(options.clock_drift),
             options,
-            clock: Clock::start(),
             started,
             control,
             slow: None,
@@ -357,7 +362,7 @@ impl Run {
         let period = Duration::from_secs_f64(workplace.tick_s);
         let config = TickerConfig {
             name: "handle-tick",
-            period,
+            period: self.options.clock_drift.true_span(period),
             scheduling: self.options.scheduling,
             spin: self.options.spin,
         };
@@ -415,6 +420,7 @@ impl Run {
         if let Some(line) = &self.line {
             self.tally.observe(line);
         }
+        self.write_down(&records);
         let mut outcome = Ok(());
         for record in &records {
             let met = self.on_record(record);
@@ -424,6 +430,22 @@ impl Run {
             Some(error) => Err(Failure::Device(error)),
             None if is_finished => outcome.and(Err(Failure::ThreadEnded)),
             None => outcome,
+        }
+    }
+
+    /// A recording that fails ends; the handle goes on.
+    fn write_down(&mut self, records: &[Record]) {
+        let Some(recording) = &mut self.options.recording else {
+            return;
+        };
+        let written = records
+            .iter()
+            .try_for_each(|record| recording.write(record))
+            .and_then(|()| recording.flush());
+        if let Err(error) = written {
+            self.options.recording = None;
+            let reason = error.to_string();
+            self.tell(Event::RecordingEnded { reason });
         }
     }
 

@@ -36,6 +36,7 @@ pub(crate) struct Seat {
     inbox: Consumer<Arrived>,
     heard_at: Timestamp,
     newest_echo_ns: u64,
+    echoed_at: Timestamp,
     lost_on_the_way_out: u64,
 }
 
@@ -57,6 +58,7 @@ impl Seat {
             inbox,
             heard_at: Timestamp::ZERO,
             newest_echo_ns: 0,
+            echoed_at: Timestamp::ZERO,
             lost_on_the_way_out: 0,
         };
         Ok((Box::new(seat), arriving))
@@ -65,6 +67,7 @@ impl Seat {
     /// The seat is taken at `now`: silence counts from here.
     pub(crate) fn take(&mut self, now: Timestamp) {
         self.heard_at = now;
+        self.echoed_at = now;
     }
 
     /// Takes in what arrived.
@@ -80,6 +83,7 @@ impl Seat {
             // The first frame that echoes a stamp is the reaction to it; later ones echo it until they hear a newer one.
             if self.newest_echo_ns < header.echo_ns {
                 self.newest_echo_ns = header.echo_ns;
+                self.echoed_at = self.echoed_at.max(at);
                 heard.reaction_ns = Some(reaction_ns);
                 heard.rtt_ns = reaction_ns.checked_sub(u64::from(header.echo_hold_ns));
             }
@@ -105,5 +109,10 @@ impl Seat {
     /// Time without a frame of this lease, ns.
     pub(crate) fn silence_ns(&self, now: Timestamp) -> u64 {
         now.since(self.heard_at).as_nanos() as u64
+    }
+
+    /// Time since the tool side last showed that it had heard something new, ns. Frames may come while nothing arrives there.
+    pub(crate) fn echo_age_ns(&self, now: Timestamp) -> u64 {
+        now.since(self.echoed_at).as_nanos() as u64
     }
 }

@@ -388,17 +388,13 @@ fn quantiles(histogram: &Histogram<u64>) -> Quantiles {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::engine::sample_record;
     use crate::seat::Heard;
 
     fn record(lease: u32, lateness_ns: u64, received: u64) -> Record {
         Record {
             lateness_ns,
-            given_up: 0,
-            work_ns: 4_000,
             lease,
-            mode: Mode::Coupled,
-            contact: Contact::Live,
-            silence_ns: 0,
             heard: Heard {
                 rtt_ns: Some(300_000),
                 reaction_ns: Some(800_000),
@@ -409,10 +405,7 @@ mod tests {
                 missing: 1,
                 ..ArrivalCounts::default()
             },
-            lost_on_the_way_out: 0,
-            scheme: Scheme::ForceExchange,
-            fault: None,
-            request: None,
+            ..sample_record()
         }
     }
 

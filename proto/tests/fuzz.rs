@@ -1,8 +1,16 @@
-//! Ten million hostile inputs. No decoder may panic, and whatever one accepts must encode to the very bytes it came from.
+//! More than ten million hostile inputs. No decoder may panic, and whatever one accepts must encode to the very bytes it came from; what a
+//! JSON parser accepts must read the same after it is written again. How many inputs each decoder got, and how many it accepted, is printed.
 
 #![allow(clippy::print_stdout, reason = "the counts are the result")]
 
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 use teleclay_proto::frame::{HandleFrame, Header, MAX_FRAME, SweepRecord, ToolFrame};
+use teleclay_proto::http::{ClayShape, NewSession, Validate, parse};
+use teleclay_proto::join::{
+    ClayDescription, FreshReply, FreshRequest, Granted, JoinReply, JoinRequest, LeaveReply,
+    LeaveRequest, LoopParameters,
+};
 use teleclay_proto::keys::Key;
 use teleclay_proto::watch::{
     BRICK_VOXELS, BrickContent, BricksHeader, BricksWriter, ClientText, Message, PackedBrick,
@@ -14,6 +22,9 @@ const BINARY_INPUTS: u64 = 10_000_000;
 
 /// Inputs to the text parsers, which are slower.
 const TEXT_INPUTS: u64 = 300_000;
+
+/// Inputs to the parsers of joining; each goes to every parser.
+const JOIN_INPUTS: u64 = 100_000;
 
 /// How often each decoder accepted: a fuzzer whose inputs all fall at the first byte tests only that byte.
 #[derive(Default)]
@@ -36,7 +47,6 @@ fn binary_decoders_survive_anything() {
         random.mutate(&seeds, &mut input);
         decode_with_everything(&input, &mut scratch, &mut accepted);
     }
-    println!("decoded {BINARY_INPUTS} inputs, none panicked");
     let Accepted {
         handle,
         tool,
@@ -44,8 +54,9 @@ fn binary_decoders_survive_anything() {
         bricks,
         packed,
     } = accepted;
+    println!("fuzz: {BINARY_INPUTS} inputs to each binary decoder, none panicked; accepted");
     println!(
-        "accepted: {handle} handle frames, {tool} tool frames, {telemetry} batches, {bricks} bricks, {packed} packed"
+        "  {handle} handle frames, {tool} tool frames, {telemetry} telemetry batches, {bricks} brick messages, {packed} packed bricks"
     );
     for count in [handle, tool, telemetry, bricks, packed] {
         assert!(
@@ -78,8 +89,62 @@ fn text_parsers_survive_anything() {
             keys += 1;
         }
     }
-    println!("parsed {TEXT_INPUTS} inputs, none panicked; accepted {texts} messages, {keys} keys");
+    println!(
+        "fuzz: {TEXT_INPUTS} inputs to each text parser, none panicked; accepted {texts} messages, {keys} keys"
+    );
     assert!(TEXT_INPUTS / 1000 < texts && TEXT_INPUTS / 1000 < keys);
+}
+
+#[test]
+fn join_parsers_survive_anything() {
+    let mut random = Random(0x7e1e_c1a6);
+    let seeds = join_seeds();
+    let mut accepted = [0_u64; 7];
+    let mut input = Vec::new();
+    for _ in 0..JOIN_INPUTS {
+        random.mutate(&seeds, &mut input);
+        for (count, is_accepted) in accepted.iter_mut().zip([
+            survives::<JoinRequest>(&input),
+            survives::<JoinReply>(&input),
+            survives::<LeaveRequest>(&input),
+            survives::<LeaveReply>(&input),
+            survives::<FreshRequest>(&input),
+            survives::<FreshReply>(&input),
+            survives::<NewSession>(&input),
+        ]) {
+            *count += u64::from(is_accepted);
+        }
+    }
+    let [join, granted, leave, left, fresh, freshened, session] = accepted;
+    println!("fuzz: {JOIN_INPUTS} inputs to each parser of joining, none panicked; accepted");
+    println!(
+        "  {join} join requests, {granted} replies, {leave} leave requests, {left} replies, {fresh} fresh requests, {freshened} replies, {session} new sessions"
+    );
+    assert!(
+        accepted
+            .iter()
+            .all(|count| JOIN_INPUTS / 1000 < *count && *count < JOIN_INPUTS / 2),
+        "the inputs hardly reach past a parser's first checks, or hardly trouble it"
+    );
+}
+
+/// Whether the parser takes the input; if it does, what it made of it must read the same after it is written again.
+fn survives<T>(input: &[u8]) -> bool
+where
+    T: DeserializeOwned + Serialize + Validate,
+{
+    let Ok(value) = parse::<T>(input) else {
+        return false;
+    };
+    let written = serde_json::to_string(&value).expect("it prints");
+    let again: T = parse(written.as_bytes()).expect("what was accepted is accepted again");
+    assert_eq!(
+        serde_json::to_string(&again).expect("it prints"),
+        written,
+        "from {}",
+        String::from_utf8_lossy(input)
+    );
+    true
 }
 
 struct Scratch {
@@ -215,6 +280,34 @@ fn text_seeds() -> Vec<Vec<u8>> {
     ]
     .map(|text| text.as_bytes().to_vec())
     .to_vec()
+}
+
+fn join_seeds() -> Vec<Vec<u8>> {
+    let granted = JoinReply::Granted(Box::new(Granted {
+        lease: 17,
+        tool: 1,
+        lease_s: 10.0,
+        parameters: LoopParameters::default(),
+        clay: ClayDescription {
+            shape: ClayShape::stepped(),
+            voxel_size_m: 5e-4,
+            epoch: 1,
+            revision: 0,
+        },
+        slow_endpoint: Some("tcp/127.0.0.1:7448".to_owned()),
+    }));
+    let mut seeds = vec![serde_json::to_vec(&granted).expect("it prints")];
+    seeds.extend([
+        r#"{"protocol":1,"operator":"Ada","token":"let me in, please","device":"simulated"}"#,
+        r#"{"outcome":"refused","code":"no_free_tool","reason":"all 2 tools are held"}"#,
+        r#"{"lease":17}"#,
+        r#"{"outcome":"left"}"#,
+        r#"{"outcome":"no_such_lease"}"#,
+        r#"{"outcome":"fresh","epoch":2}"#,
+        r#"{"outcome":"refused","reason":"the session is paused"}"#,
+        r#"{"id":"lab","axes":3,"scheme":"wave","tools":2,"tool":{"kind":"blade","width_m":0.01,"height_m":0.04,"thickness_m":0.002}}"#,
+    ].map(|text| text.as_bytes().to_vec()));
+    seeds
 }
 
 /// SplitMix64.

@@ -5,4 +5,4 @@ mod clock;
 pub mod network;
 pub mod ticker;
 
-pub use clock::Clock;
+pub use clock::{Clock, Drift, DriftError};

@@ -1,1 +1,22 @@
-//! Placeholder while the rooms are laid.
+//! What tests of the whole need: real processes, an HTTP client, a watcher that can be slow, an impairing relay, and readers of what the
+//! programs write.
+//!
+//! | module | holds |
+//! |---|---|
+//! | [`process`] | a process under test, its words, its end |
+//! | [`stage`] | server, handle and relay as processes on ports of their own |
+//! | [`client`] | the server's HTTP interface |
+//! | [`watcher`] | a WebSocket that is read as slowly as one likes |
+//! | [`recording`] | what a handle wrote down, tick by tick |
+//! | [`relay`] | UDP through a bad network, seeded |
+//! | [`mesh`] | an STL file, and whether it is watertight |
+//! | [`soak`] | a long run that watches its own memory |
+
+pub mod client;
+pub mod mesh;
+pub mod process;
+pub mod recording;
+pub mod relay;
+pub mod soak;
+pub mod stage;
+pub mod watcher;

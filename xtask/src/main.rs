@@ -1,4 +1,4 @@
-//! The workspace's own commands: `cargo demo`, `cargo verify`, `cargo figures`.
+//! The workspace's own commands: `cargo demo`, `cargo verify`, `cargo figures`, `cargo xtask soak`.
 //!
 //! They are aliases in .cargo/config.toml for this program, so that a fresh clone needs nothing but cargo to start.
 
@@ -11,6 +11,7 @@ mod process;
 mod progress;
 mod python;
 mod release;
+mod soak;
 mod tools;
 mod verify;
 mod workspace;
@@ -43,6 +44,8 @@ enum Task {
     Verify(verify::Options),
     /// Measure what this machine reaches, beside the bare floor of the same run
     Figures(figures::Options),
+    /// Let server and handle run for long, with watchers that read slowly, and watch their memory
+    Soak(soak::Options),
 }
 
 fn main() -> ExitCode {
@@ -52,6 +55,7 @@ fn main() -> ExitCode {
             Task::Demo(options) => demo::run(&options, &interrupt),
             Task::Verify(options) => verify::run(&options, &interrupt),
             Task::Figures(options) => figures::run(&options, &interrupt),
+            Task::Soak(options) => soak::run(&options, &interrupt),
         };
         match result {
             Err(error) if interrupt.heard() => {

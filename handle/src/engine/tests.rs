@@ -1,5 +1,10 @@
 //! The tick on virtual time, with a tool side that is a spring or a steady push.
 
+#![allow(
+    clippy::float_cmp,
+    reason = "zero and the whole push are meant exactly: a ramp ends, a gain is full"
+)]
+
 use std::sync::mpsc::{self, Receiver};
 use std::time::Duration;
 

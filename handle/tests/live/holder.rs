@@ -11,6 +11,7 @@ use teleclay_handle::intent::Wish;
 use teleclay_handle::run::{Ending, OpenDevice, Options, Until};
 use teleclay_operator::DeviceSample;
 use teleclay_proto::SessionId;
+use teleclay_shell::Drift;
 use teleclay_shell::ticker::Scheduling;
 use tokio::sync::mpsc::{UnboundedReceiver, unbounded_channel};
 use tokio::sync::watch;
@@ -145,6 +146,8 @@ impl Holder {
             open_device,
             scheduling: Scheduling::Normal,
             spin: Duration::ZERO,
+            clock_drift: Drift::default(),
+            recording: None,
         };
         let deadline = lasts.map(|lasts| tokio::time::Instant::now() + lasts);
         let until = Until {

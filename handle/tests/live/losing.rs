@@ -1,5 +1,10 @@
 //! Losing the server, the device, or trust in a number.
 
+#![allow(
+    clippy::float_cmp,
+    reason = "a force that is released is zero, not nearly so"
+)]
+
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 

@@ -1,0 +1,203 @@
+//! The server's HTTP interface, as any script would use it.
+
+use std::net::SocketAddr;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context as _, Result, bail, ensure};
+use serde_json::Value;
+use teleclay_proto::http::Session;
+use ureq::Agent;
+
+use crate::process::wait_for;
+
+/// A healthy server answers in milliseconds; a busy machine may need more.
+const ANSWER_WITHIN: Duration = Duration::from_secs(20);
+
+/// Asks one server.
+#[derive(Clone, Debug)]
+pub struct Client {
+    agent: Agent,
+    origin: String,
+    token: Option<String>,
+}
+
+impl Client {
+    /// For the server at `address`.
+    pub fn new(address: SocketAddr, token: Option<&str>) -> Self {
+        let agent = Agent::config_builder()
+            .timeout_global(Some(ANSWER_WITHIN))
+            // A problem is an answer, not an error.
+            .http_status_as_error(false)
+            .build()
+            .into();
+        Self {
+            agent,
+            origin: format!("http://{address}"),
+            token: token.map(str::to_owned),
+        }
+    }
+
+    /// Whether the loop runs and Zenoh is up.
+    pub fn is_ready(&self) -> bool {
+        self.agent
+            .get(format!("{}/readyz", self.origin))
+            .call()
+            .is_ok_and(|answer| answer.status() == 200)
+    }
+
+    /// The session as it is.
+    ///
+    /// # Errors
+    /// There is none, or the server is not there.
+    pub fn session(&self, id: &str) -> Result<Session> {
+        let text = self.read(&format!("/sessions/{id}"))?;
+        let mut session: Session =
+            serde_json::from_str(&text).with_context(|| format!("session {id} answered {text}"))?;
+        ensure_the_books_balance(&session, &text)?;
+        session.tools.sort_by_key(|tool| tool.id);
+        Ok(session)
+    }
+
+    /// Waits until the session is as `is_wanted` says.
+    ///
+    /// # Errors
+    /// It never was, or the books of its clay did not balance meanwhile.
+    pub fn session_when(
+        &self,
+        id: &str,
+        what: &str,
+        patience: Duration,
+        mut is_wanted: impl FnMut(&Session) -> bool,
+    ) -> Result<Session> {
+        let mut last = None;
+        let found = wait_for(what, patience, || match self.session(id) {
+            Ok(session) if is_wanted(&session) => Some(Ok(session)),
+            Ok(session) => {
+                last = Some(session);
+                None
+            }
+            Err(error) => Some(Err(error)),
+        });
+        match found {
+            Ok(session) => session,
+            Err(error) => Err(error.context(format!("the session was last seen as {last:?}"))),
+        }
+    }
+
+    /// Lets `ticks` ticks of the session pass.
+    ///
+    /// # Errors
+    /// The loop stands still, or the server is not there.
+    pub fn let_pass(&self, id: &str, ticks: u64) -> Result<Session> {
+        let until = self.session(id)?.control_loop.ticks + ticks;
+        let patience = Duration::from_millis(ticks) + ANSWER_WITHIN;
+        self.session_when(id, "ticks to pass", patience, |session| {
+            until <= session.control_loop.ticks
+        })
+    }
+
+    /// Makes a session.
+    ///
+    /// # Errors
+    /// The server refuses.
+    pub fn create(&self, new: &Value) -> Result<()> {
+        self.send("POST", "/sessions", new).map(drop)
+    }
+
+    /// Changes a session.
+    ///
+    /// # Errors
+    /// The server refuses.
+    pub fn patch(&self, id: &str, change: &Value) -> Result<()> {
+        self.send("PATCH", &format!("/sessions/{id}"), change)
+            .map(drop)
+    }
+
+    /// Puts a fresh block.
+    ///
+    /// # Errors
+    /// The server refuses.
+    pub fn reset(&self, id: &str) -> Result<()> {
+        let path = format!("/sessions/{id}/clay/reset");
+        self.send("POST", &path, &serde_json::json!({})).map(drop)
+    }
+
+    /// The clay as an STL file.
+    ///
+    /// # Errors
+    /// The server does not give it.
+    pub fn stl(&self, id: &str) -> Result<Vec<u8>> {
+        let mut answer = self.get(&format!("/sessions/{id}/clay.stl"))?;
+        ensure!(answer.status() == 200, "answered {}", answer.status());
+        let most = 256 * 1024 * 1024;
+        Ok(answer.body_mut().with_config().limit(most).read_to_vec()?)
+    }
+
+    fn get(&self, path: &str) -> Result<ureq::http::Response<ureq::Body>> {
+        let mut request = self.agent.get(format!("{}/api/v1{path}", self.origin));
+        if let Some(token) = &self.token {
+            request = request.header("Authorization", format!("Bearer {token}"));
+        }
+        request.call().with_context(|| format!("GET {path}"))
+    }
+
+    fn read(&self, path: &str) -> Result<String> {
+        let mut answer = self.get(path)?;
+        let status = answer.status();
+        let text = answer.body_mut().read_to_string()?;
+        ensure!(status == 200, "GET {path} answered {status}: {text}");
+        Ok(text)
+    }
+
+    fn send(&self, method: &str, path: &str, body: &Value) -> Result<String> {
+        let address = format!("{}/api/v1{path}", self.origin);
+        let mut request = match method {
+            "POST" => self.agent.post(address),
+            "PATCH" => self.agent.patch(address),
+            other => bail!("no method {other}"),
+        };
+        if let Some(token) = &self.token {
+            request = request.header("Authorization", format!("Bearer {token}"));
+        }
+        let mut answer = request
+            .header("content-type", "application/json")
+            .send(body.to_string())
+            .with_context(|| format!("{method} {path}"))?;
+        let status = answer.status();
+        let text = answer.body_mut().read_to_string()?;
+        ensure!(
+            status.is_success(),
+            "{method} {path} answered {status}: {text}"
+        );
+        Ok(text)
+    }
+}
+
+/// Exactly, not nearly, in units and in m³: that is what the interface promises, at every look. The volumes are read from the text:
+/// `serde_json` as it is built here reads the last of seventeen digits wrong now and then, which browsers do not.
+fn ensure_the_books_balance(session: &Session, text: &str) -> Result<()> {
+    let clay = &session.clay;
+    let volume_m3 = |name: &str| -> Result<f64> {
+        let value = text
+            .split_once(&format!("\"{name}\":"))
+            .and_then(|(_, rest)| rest.split([',', '}']).next())
+            .with_context(|| format!("no {name}"))?;
+        Ok(value.trim().parse()?)
+    };
+    let [initial_m3, remaining_m3, removed_m3] = [
+        volume_m3("initial_volume_m3")?,
+        volume_m3("remaining_volume_m3")?,
+        volume_m3("removed_volume_m3")?,
+    ];
+    ensure!(
+        clay.initial_units == clay.remaining_units + clay.removed_units
+            && initial_m3.to_bits() == (remaining_m3 + removed_m3).to_bits(),
+        "the clay's books do not balance: {initial_m3} m³ initially, {remaining_m3} m³ left, {removed_m3} m³ removed; {clay:?}"
+    );
+    Ok(())
+}
+
+/// The time since `began`, for a line that says how long something took.
+pub fn since(began: Instant) -> String {
+    format!("{:.3} s", began.elapsed().as_secs_f64())
+}

@@ -1,0 +1,282 @@
+//! The programs as processes: a server, handles, a relay between them.
+
+use std::ffi::OsStr;
+use std::net::{Ipv4Addr, SocketAddr, TcpListener, UdpSocket};
+use std::path::PathBuf;
+use std::process::Command;
+use std::time::Duration;
+
+use anyhow::{Context as _, Result};
+use serde_json::Value;
+
+use crate::client::Client;
+use crate::process::{PATIENCE, Process, program, wait_for};
+use crate::recording::{Row, read};
+
+/// The session that a server starts with.
+pub const DEMO: &str = "demo";
+
+/// Which transport handles use.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Transport {
+    /// Retransmits: what is lost comes late.
+    Tcp,
+    /// Does not: what is lost is lost.
+    Udp,
+}
+
+/// Ports that nobody uses now: one for HTTP, two neighbours for Zenoh.
+#[derive(Clone, Copy, Debug)]
+pub struct Ports {
+    /// HTTP and WebSocket.
+    pub http: u16,
+    /// Zenoh's control session; slow state is on the next one.
+    pub zenoh: u16,
+}
+
+impl Ports {
+    /// Asks the system.
+    ///
+    /// # Errors
+    /// It has none.
+    pub fn free() -> Result<Self> {
+        let http = free_port()?;
+        let is_free = |port: u16| {
+            TcpListener::bind((Ipv4Addr::LOCALHOST, port)).is_ok()
+                && UdpSocket::bind((Ipv4Addr::LOCALHOST, port)).is_ok()
+        };
+        let zenoh = (0..64)
+            .find_map(|_| {
+                let port = free_port().ok()?;
+                let next = port.checked_add(1)?;
+                (port != http && next != http && is_free(port) && is_free(next)).then_some(port)
+            })
+            .context("no two neighbouring ports are free")?;
+        Ok(Self { http, zenoh })
+    }
+}
+
+/// A UDP port of loopback that nobody uses now.
+///
+/// # Errors
+/// The system has none.
+pub fn free_udp() -> Result<SocketAddr> {
+    Ok(UdpSocket::bind((Ipv4Addr::LOCALHOST, 0))?.local_addr()?)
+}
+
+fn free_port() -> Result<u16> {
+    Ok(TcpListener::bind((Ipv4Addr::LOCALHOST, 0))?
+        .local_addr()?
+        .port())
+}
+
+/// A running server.
+#[derive(Debug)]
+pub struct Server {
+    /// The process.
+    pub process: Process,
+    /// Its HTTP interface.
+    pub client: Client,
+    ports: Ports,
+    transport: Transport,
+}
+
+impl Server {
+    /// Starts one on these ports of loopback, and waits until it is ready.
+    ///
+    /// # Errors
+    /// It does not become ready.
+    pub fn start(ports: Ports, transport: Transport) -> Result<Self> {
+        let mut command = Command::new(program("teleclay-server")?);
+        command
+            .args(["--listen", &format!("127.0.0.1:{}", ports.http)])
+            .args(["--zenoh-listen", &endpoint(transport, ports.zenoh)])
+            .args(["--data-dir".into(), data_folder()?]);
+        let mut process = Process::start("the server", command)?;
+        let address = SocketAddr::from((Ipv4Addr::LOCALHOST, ports.http));
+        let client = Client::new(address, None);
+        wait_for("the server to be ready", PATIENCE, || {
+            if let Ok(Some(status)) = process.poll_end() {
+                return Some(Err(anyhow::anyhow!("the server ended: {status}")));
+            }
+            client.is_ready().then_some(Ok(()))
+        })??;
+        Ok(Self {
+            process,
+            client,
+            ports,
+            transport,
+        })
+    }
+
+    /// Starts one on free ports, with TCP.
+    ///
+    /// # Errors
+    /// As [`start`](Self::start).
+    pub fn on_free_ports() -> Result<Self> {
+        Self::start(Ports::free()?, Transport::Tcp)
+    }
+
+    /// Ends it without a word; give the ports to [`start`](Self::start) to have it back.
+    ///
+    /// # Errors
+    /// It cannot be waited for.
+    pub fn kill(mut self) -> Result<Ports> {
+        self.process.kill()?;
+        Ok(self.ports)
+    }
+
+    /// Where handles connect to.
+    pub fn endpoint(&self) -> String {
+        endpoint(self.transport, self.ports.zenoh)
+    }
+
+    /// The address of the control session.
+    pub fn zenoh_address(&self) -> SocketAddr {
+        SocketAddr::from((Ipv4Addr::LOCALHOST, self.ports.zenoh))
+    }
+
+    /// Its ports.
+    pub fn ports(&self) -> Ports {
+        self.ports
+    }
+}
+
+fn data_folder() -> Result<std::ffi::OsString> {
+    // Nothing of a test is kept; the folder goes with the process's own.
+    let folder = std::env::temp_dir().join(format!("teleclay-test-{}-data", std::process::id()));
+    Ok(folder.into_os_string())
+}
+
+/// The endpoint of a port of loopback.
+pub fn endpoint(transport: Transport, port: u16) -> String {
+    match transport {
+        Transport::Tcp => format!("tcp/127.0.0.1:{port}"),
+        Transport::Udp => format!("udp/127.0.0.1:{port}"),
+    }
+}
+
+/// A running handle that writes every tick down.
+#[derive(Debug)]
+pub struct Handle {
+    /// The process.
+    pub process: Process,
+    recording: PathBuf,
+}
+
+/// What a handle is told.
+#[derive(Clone, Debug)]
+pub struct HandleOptions {
+    /// Where the server is.
+    pub connect: String,
+    /// The session.
+    pub session: String,
+    /// Who holds it.
+    pub operator: String,
+    /// Further flags.
+    pub more: Vec<String>,
+}
+
+impl HandleOptions {
+    /// Ada, who cuts in the session `demo`.
+    pub fn new(connect: &str) -> Self {
+        Self {
+            connect: connect.to_owned(),
+            session: DEMO.to_owned(),
+            operator: "Ada".to_owned(),
+            more: Vec::new(),
+        }
+    }
+
+    /// Somebody else.
+    #[must_use]
+    pub fn by(mut self, operator: &str) -> Self {
+        operator.clone_into(&mut self.operator);
+        self
+    }
+
+    /// In another session.
+    #[must_use]
+    pub fn in_session(mut self, session: &str) -> Self {
+        session.clone_into(&mut self.session);
+        self
+    }
+
+    /// With further flags.
+    #[must_use]
+    pub fn with(mut self, flags: &[&str]) -> Self {
+        self.more.extend(flags.iter().map(|&flag| flag.to_owned()));
+        self
+    }
+}
+
+impl Handle {
+    /// Starts one.
+    ///
+    /// # Errors
+    /// It cannot be started.
+    pub fn start(options: &HandleOptions) -> Result<Self> {
+        let command = Command::new(program("teleclay-handle")?);
+        Self::start_as(command, options)
+    }
+
+    /// Starts one by way of another command, such as one that enters a network namespace.
+    ///
+    /// # Errors
+    /// It cannot be started.
+    pub fn start_as(mut command: Command, options: &HandleOptions) -> Result<Self> {
+        let recording = crate::process::scratch()?.join("ticks.csv");
+        command
+            .args(["--connect", &options.connect])
+            .args(["--session", &options.session])
+            .args(["--operator", &options.operator])
+            .arg("--json")
+            .arg("--record")
+            .arg(&recording)
+            .args(options.more.iter().map(OsStr::new));
+        let process = Process::start(&options.operator, command)?;
+        Ok(Self { process, recording })
+    }
+
+    /// What it wrote down so far.
+    ///
+    /// # Errors
+    /// The file is not what it should be.
+    pub fn ticks(&self) -> Result<Vec<Row>> {
+        read(&std::fs::read_to_string(&self.recording)?)
+    }
+
+    /// Its last line of status, once there is one.
+    pub fn status(&self) -> Option<Value> {
+        let printed = self.process.stdout();
+        // The last line may still be on its way.
+        let whole = &printed[..printed.rfind('\n')?];
+        serde_json::from_str(whole.lines().last()?).ok()
+    }
+
+    /// Waits for a status that `is_wanted`.
+    ///
+    /// # Errors
+    /// None came in time.
+    pub fn status_when(
+        &self,
+        what: &str,
+        patience: Duration,
+        is_wanted: impl Fn(&Value) -> bool,
+    ) -> Result<Value> {
+        wait_for(what, patience, || {
+            self.status().filter(|status| is_wanted(status))
+        })
+    }
+}
+
+impl Drop for Handle {
+    fn drop(&mut self) {
+        if !std::thread::panicking()
+            && let Some(folder) = self.recording.parent()
+        {
+            // What is left behind here is only untidy.
+            std::fs::remove_dir_all(folder).ok();
+        }
+    }
+}

@@ -1,0 +1,220 @@
+//! Both 1 kHz threads allocate nothing in a steady tick: counted by thread, in one process that runs the whole server (frames from Zenoh,
+//! cut clay, changed bricks, records, a watcher of the WebSocket) and the whole handle, as they run apart.
+
+#![allow(unsafe_code, reason = "a global allocator cannot be written without")]
+#![allow(clippy::print_stdout, reason = "the count is a result")]
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+use std::net::SocketAddr;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::time::{Duration, Instant};
+
+use serde_json::json;
+use teleclay_handle::device::{DeviceKind, open};
+use teleclay_handle::intent::Wish;
+use teleclay_handle::run::{Options, Until};
+use teleclay_proto::http::Session;
+use teleclay_proto::{NodeName, SessionId};
+use teleclay_server::Server;
+use teleclay_server::settings::Settings;
+use teleclay_shell::Drift;
+use teleclay_shell::ticker::Scheduling;
+use teleclay_tests::client::Client;
+use teleclay_tests::stage::{DEMO, Ports};
+use teleclay_tests::watcher::Watcher;
+
+/// The threads whose allocations count, by the name that the system knows them by.
+const TICKING: [&[u8]; 2] = [b"teleclay-loop", b"handle-tick"];
+/// Ticks that are counted.
+const STEADY_TICKS: u64 = 5000;
+const PATIENCE: Duration = Duration::from_secs(60);
+
+static COUNTS: [AtomicU64; 2] = [AtomicU64::new(0), AtomicU64::new(0)];
+static IS_COUNTING: AtomicBool = AtomicBool::new(false);
+
+struct Counting;
+
+#[derive(Clone, Copy, PartialEq)]
+enum Thread {
+    Unknown,
+    Ticking(usize),
+}
+
+thread_local! {
+    static THREAD: Cell<Thread> = const { Cell::new(Thread::Unknown) };
+}
+
+fn count() {
+    if !IS_COUNTING.load(Ordering::Relaxed) {
+        return;
+    }
+    // A thread that is about to end has no name any more; no ticking thread ends while it counts.
+    let thread = THREAD.try_with(|thread| {
+        if thread.get() == Thread::Unknown
+            && let Some(index) = ticking_thread()
+        {
+            thread.set(Thread::Ticking(index));
+        }
+        thread.get()
+    });
+    if let Ok(Thread::Ticking(index)) = thread {
+        COUNTS[index].fetch_add(1, Ordering::Relaxed);
+    }
+}
+
+/// Which of the threads that count this one is. Asks the system, which takes no memory.
+fn ticking_thread() -> Option<usize> {
+    let mut name = [0_u8; 16];
+    // SAFETY: the system writes at most 16 bytes.
+    if unsafe { libc::prctl(libc::PR_GET_NAME, name.as_mut_ptr()) } != 0 {
+        return None;
+    }
+    let length = name.iter().position(|&byte| byte == 0)?;
+    TICKING
+        .iter()
+        .position(|ticking| *ticking == &name[..length])
+}
+
+// SAFETY: every call goes to the system's allocator as it came; counting touches no memory of the caller's.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        count();
+        // SAFETY: the caller keeps `alloc`'s contract, which is the same one.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        count();
+        // SAFETY: the pointer came from `alloc` above, so from the system's allocator with this layout.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+fn settings(ports: Ports, data_dir: std::path::PathBuf) -> Settings {
+    Settings {
+        listen: SocketAddr::from(([127, 0, 0, 1], ports.http)),
+        zenoh_control: format!("tcp/127.0.0.1:{}", ports.zenoh),
+        zenoh_slow: format!("tcp/127.0.0.1:{}", ports.zenoh + 1),
+        data_dir,
+        demo_session: true,
+        node: NodeName::new("local").unwrap(),
+        token: None,
+        allow_origins: Vec::new(),
+        scheduling: Scheduling::Normal,
+        spin: Duration::ZERO,
+    }
+}
+
+fn options(ports: Ports) -> Options {
+    Options {
+        connect: format!("tcp/127.0.0.1:{}", ports.zenoh),
+        session: SessionId::new(DEMO).unwrap(),
+        node: None,
+        operator: "Ada".to_owned(),
+        token: None,
+        device: "simulated".to_owned(),
+        open_device: Box::new(|workplace| open(DeviceKind::Simulated, &Wish::Cutting, workplace)),
+        scheduling: Scheduling::Normal,
+        spin: Duration::ZERO,
+        clock_drift: Drift::default(),
+        recording: None,
+    }
+}
+
+/// Looks from another thread, so that the runtime goes on.
+async fn session_when(
+    client: &Client,
+    what: &'static str,
+    is_wanted: impl FnMut(&Session) -> bool + Send + 'static,
+) -> Session {
+    let client = client.clone();
+    tokio::task::spawn_blocking(move || client.session_when(DEMO, what, PATIENCE, is_wanted))
+        .await
+        .unwrap()
+        .unwrap()
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn the_steady_tick_allocates_nothing_at_either_end() {
+    assert_that_an_allocation_is_seen();
+    let ports = Ports::free().unwrap();
+    let data = std::env::temp_dir().join(format!("teleclay-allocations-{}", std::process::id()));
+    let server = Server::start(settings(ports, data.clone())).await.unwrap();
+    let (stop, stopped) = tokio::sync::watch::channel(false);
+    let (tell, _told) = tokio::sync::mpsc::unbounded_channel();
+    let until = Until {
+        stop: stopped,
+        deadline: None,
+    };
+    let handle = tokio::spawn(teleclay_handle::run(options(ports), until, tell));
+    let client = Client::new(server.address, None);
+    // A line with everything that a line can do, so that frames wait in it.
+    let line = json!({
+        "delay_s": 0.01, "jitter_s": 0.002, "loss": 0.01, "duplicate": 0.01, "reorder": 0.01,
+    });
+    let patched = client.clone();
+    tokio::task::spawn_blocking(move || {
+        patched.patch(DEMO, &json!({"network": {"up": line, "down": line}}))
+    })
+    .await
+    .unwrap()
+    .unwrap();
+    let address = server.address;
+    let watcher = tokio::task::spawn_blocking(move || Watcher::open(address, DEMO))
+        .await
+        .unwrap()
+        .unwrap();
+
+    let before = session_when(&client, "a cut", |session| {
+        session.clay.initial_units / 1000 < session.clay.removed_units
+    })
+    .await;
+    let began = Instant::now();
+    IS_COUNTING.store(true, Ordering::Relaxed);
+    let enough = before.control_loop.ticks + STEADY_TICKS;
+    let after = session_when(&client, "enough ticks", move |session| {
+        enough <= session.control_loop.ticks
+    })
+    .await;
+    IS_COUNTING.store(false, Ordering::Relaxed);
+    let counted = COUNTS.each_ref().map(|count| count.load(Ordering::Relaxed));
+
+    assert!(
+        before.clay.removed_units < after.clay.removed_units
+            && after.tools.iter().any(|tool| tool.connected),
+        "the ticks that were counted had frames to take in and clay to cut"
+    );
+    drop(watcher);
+    stop.send_replace(true);
+    let ending = handle.await.unwrap();
+    ending.outcome.unwrap();
+    assert!(STEADY_TICKS < ending.summary.ticks && STEADY_TICKS / 2 < ending.summary.received);
+    server.stop().await;
+    // What is left behind here is only untidy.
+    std::fs::remove_dir_all(data).ok();
+    println!(
+        "{} ticks of each side in {:.1} s allocated {counted:?} times",
+        after.control_loop.ticks - before.control_loop.ticks,
+        began.elapsed().as_secs_f64()
+    );
+    assert_eq!(counted, [0, 0], "allocations of {TICKING:?}");
+}
+
+/// The count counts: a thread of that name that allocates is found out.
+fn assert_that_an_allocation_is_seen() {
+    let seen = std::thread::Builder::new()
+        .name("handle-tick".to_owned())
+        .spawn(|| {
+            IS_COUNTING.store(true, Ordering::Relaxed);
+            drop(std::hint::black_box(vec![1_u8]));
+            IS_COUNTING.store(false, Ordering::Relaxed);
+        })
+        .unwrap()
+        .join();
+    seen.unwrap();
+    assert_eq!(COUNTS[1].swap(0, Ordering::Relaxed), 2);
+}

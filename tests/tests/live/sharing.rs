@@ -1,0 +1,94 @@
+//! Several operators in one session, and the clay that they leave.
+
+use serde_json::json;
+use teleclay_tests::process::PATIENCE;
+use teleclay_tests::recording::norm;
+use teleclay_tests::stage::{DEMO, Handle, HandleOptions, Server};
+
+use super::endings::cuts;
+
+#[test]
+fn two_operators_hold_two_tools_and_a_third_is_refused_with_the_reason() {
+    let server = Server::on_free_ports().unwrap();
+    let client = &server.client;
+    client
+        .create(&json!({
+            "id": "shared", "scheme": "force_exchange", "tools": 2,
+            "tool": {"kind": "ball", "radius_m": 0.0064},
+        }))
+        .unwrap();
+    let options = HandleOptions::new(&server.endpoint()).in_session("shared");
+    let ada = Handle::start(&options).unwrap();
+    client
+        .session_when("shared", "Ada's cut", PATIENCE, cuts)
+        .unwrap();
+    let _bob = Handle::start(&options.clone().by("Bob")).unwrap();
+
+    // Both feel clay, not necessarily in the same look.
+    let mut has_felt = [false; 2];
+    let both = client
+        .session_when("shared", "both to feel clay", PATIENCE, |session| {
+            for (felt, tool) in has_felt.iter_mut().zip(&session.tools) {
+                *felt |= tool.connected && 0.05 < norm(tool.felt_force_n);
+            }
+            has_felt == [true; 2]
+        })
+        .unwrap();
+    let names: Vec<(u32, &str)> = both
+        .tools
+        .iter()
+        .map(|tool| (tool.id, tool.operator.as_str()))
+        .collect();
+    assert_eq!(names, [(1, "Ada"), (2, "Bob")]);
+
+    let mut third = Handle::start(&options.by("Cyd")).unwrap();
+    let status = third.process.ends().unwrap();
+    assert_eq!(status.code(), Some(2));
+    let said = third.process.stderr();
+    assert!(
+        said.contains("all 2 tools of session `shared` are held"),
+        "{said}"
+    );
+
+    // One goodbye makes room at once, and only for one.
+    let mut ada = ada;
+    assert!(ada.process.end().unwrap().success());
+    let room = client
+        .session_when("shared", "Ada's place", PATIENCE, |session| {
+            session.tools.len() == 1
+        })
+        .unwrap();
+    assert_eq!(room.tools[0].operator, "Bob");
+    assert!(room.tools[0].connected, "Bob goes on");
+}
+
+/// The books balance at every look of every test here, see the client; this one looks as often as it can, over several blocks.
+#[test]
+fn volume_is_conserved_at_every_look_while_blocks_come_and_go() {
+    let server = Server::on_free_ports().unwrap();
+    let client = &server.client;
+    let _ada = Handle::start(&HandleOptions::new(&server.endpoint())).unwrap();
+    let _bob = Handle::start(&HandleOptions::new(&server.endpoint()).by("Bob")).unwrap();
+    let mut looks = 0_u32;
+    for _ in 0..3 {
+        let before = client
+            .session_when(DEMO, "a two-hundredth to be cut", PATIENCE, |session| {
+                looks += 1;
+                session.clay.initial_units / 200 < session.clay.removed_units
+            })
+            .unwrap();
+        client.reset(DEMO).unwrap();
+        let fresh = client.session(DEMO).unwrap();
+        assert_eq!(fresh.clay.epoch, before.clay.epoch + 1);
+        assert!(
+            fresh.clay.removed_units < before.clay.removed_units / 2,
+            "{:?} after {:?}",
+            fresh.clay,
+            before.clay
+        );
+        // Nobody has left over it.
+        client.session_when(DEMO, "a cut", PATIENCE, cuts).unwrap();
+    }
+    println!("{looks} looks while cutting");
+    assert!(100 < looks);
+}
