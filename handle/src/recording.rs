@@ -94,6 +94,8 @@ const fn contact(contact: Contact) -> &'static str {
         Contact::Live => "live",
         Contact::NotYet => "not_yet",
         Contact::Silent => "silent",
+        Contact::OnCopy => "on_copy",
+        Contact::OnStaleCopy => "on_stale_copy",
         Contact::Paused => "paused",
         Contact::Fault => "fault",
     }
