@@ -52,7 +52,12 @@ const MAY_USE: [(&str, &[&str]); 11] = [
 ];
 
 /// Rooms that may use every other: they are there to look at the whole.
-const SEE_EVERYTHING: [&str; 3] = ["teleclay-tests", "teleclay-figures", "xtask"];
+const SEE_EVERYTHING: [&str; 4] = [
+    "teleclay-tests",
+    "teleclay-golden",
+    "teleclay-figures",
+    "xtask",
+];
 
 /// Rooms that are mathematics and matter alone: they do not even know how they are written down.
 const WITHOUT_SERDE: [&str; 3] = ["control", "kinematics", "clay"];

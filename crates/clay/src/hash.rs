@@ -72,13 +72,14 @@ impl Hashes {
 /// Hash of a brick's occupancies.
 fn of_voxels(voxels: &[u8; BRICK_VOXELS]) -> u64 {
     let (words, _) = voxels.as_chunks::<8>();
-    of_words(words.iter().map(|bytes| u64::from_le_bytes(*bytes)))
+    let (rounds, _) = words.as_chunks::<LANES>();
+    of_rounds(rounds.iter().map(|round| round.map(u64::from_le_bytes)))
 }
 
 /// Hash of a brick whose occupancies are all the same.
 fn of_uniform(occupancy: u8) -> u64 {
     let word = u64::from_le_bytes([occupancy; 8]);
-    of_words(std::iter::repeat_n(word, BRICK_VOXELS / 8))
+    of_rounds(std::iter::repeat_n([word; LANES], BRICK_VOXELS / 8 / LANES))
 }
 
 /// What a brick adds to the hash of the whole clay. Sums of these do not depend on the order of bricks, and one brick's share can be
@@ -101,11 +102,13 @@ pub(crate) fn fold(digest: u64, value: u64) -> u64 {
     finish(step(digest, value))
 }
 
-fn of_words(words: impl Iterator<Item = u64>) -> u64 {
+/// Each round gives every lane a word.
+fn of_rounds(rounds: impl Iterator<Item = [u64; LANES]>) -> u64 {
     let mut lanes: [u64; LANES] = std::array::from_fn(|lane| ODD_TOO.wrapping_mul(lane as u64 + 1));
-    for (at, word) in words.enumerate() {
-        let lane = &mut lanes[at % LANES];
-        *lane = step(*lane, word);
+    for round in rounds {
+        for (lane, word) in lanes.iter_mut().zip(round) {
+            *lane = step(*lane, word);
+        }
     }
     finish(lanes.into_iter().fold(ODD, step))
 }

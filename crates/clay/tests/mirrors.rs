@@ -4,7 +4,8 @@ use std::cell::Cell;
 
 use proptest::prelude::*;
 use teleclay_clay::{
-    BRICK_VOXELS, BrickIndex, BrickView, Clay, Pose, ReplaceError, Shape, Sweep, ToolShape,
+    BRICK_VOXELS, Blade, BladeDimensions, BrickIndex, BrickView, Clay, Pose, ReplaceError, Shape,
+    Sweep, ToolShape,
 };
 
 const SHAPE: Shape = Shape::Block {
@@ -15,15 +16,39 @@ fn clay() -> Clay {
     Clay::new(&SHAPE, 1e-3).unwrap()
 }
 
+/// Anything from a scratch to the end of the block.
+fn tool() -> impl Strategy<Value = ToolShape> {
+    let ball = |radius_m| ToolShape::ball(radius_m).unwrap();
+    prop_oneof![
+        6 => (0.001..0.012).prop_map(ball),
+        1 => (0.012..0.035).prop_map(ball),
+        3 => (0.002..0.012, 0.002..0.020, 0.002..0.006).prop_map(|(width_m, height_m, thickness_m)| {
+            let dimensions = BladeDimensions { width_m, height_m, thickness_m };
+            ToolShape::Blade(Blade::new(dimensions).unwrap())
+        }),
+    ]
+}
+
 fn sweeps() -> impl Strategy<Value = Vec<Sweep>> {
     let place = || [-0.01..0.06, -0.01..0.05, -0.01..0.045];
-    let tool = (0.001..0.012).prop_map(|radius_m| ToolShape::ball(radius_m).unwrap());
-    let sweep = (tool, place(), place()).prop_map(|(shape, from, to)| Sweep {
-        shape,
-        from: Pose::quantise(from).unwrap(),
-        to: Pose::quantise(to).unwrap(),
+    let sweep = (tool(), place(), place(), 0.0..1.0_f64).prop_map(|(shape, from, to, share)| {
+        // Long ways and, by squaring, short ones.
+        let to = std::array::from_fn(|axis| from[axis] + (to[axis] - from[axis]) * share * share);
+        Sweep {
+            shape,
+            from: Pose::quantise(from).unwrap(),
+            to: Pose::quantise(to).unwrap(),
+        }
     });
     prop::collection::vec(sweep, 1..8)
+}
+
+fn cut_by(sweeps: &[&[Sweep]]) -> Clay {
+    let mut clay = clay();
+    for sweep in sweeps.iter().copied().flatten() {
+        clay.carve(sweep);
+    }
+    clay
 }
 
 fn all_bricks(clay: &Clay) -> impl Iterator<Item = BrickIndex> + use<> {
@@ -38,6 +63,14 @@ fn assert_same(a: &mut Clay, b: &mut Clay) {
     }
     assert_eq!(a.remaining_units(), b.remaining_units());
     assert_eq!(a.hash(), b.hash());
+}
+
+fn voxels_of(view: BrickView<'_>) -> [u8; BRICK_VOXELS] {
+    match view {
+        BrickView::Empty => [0; BRICK_VOXELS],
+        BrickView::Full => [255; BRICK_VOXELS],
+        BrickView::Voxels(voxels) => *voxels,
+    }
 }
 
 proptest! {
@@ -97,6 +130,46 @@ proptest! {
         if 0 < at_once.removed_units() {
             prop_assert_ne!(at_once.hash(), clay().hash());
         }
+    }
+
+    /// A copy that takes the original's bricks, whatever it was itself, and then cuts what the original had not seen of its own cuts, holds
+    /// the cuts of both: this is how a replica takes in a picture.
+    #[test]
+    fn a_picture_and_the_sweeps_it_lacks_make_the_whole(common in sweeps(), own in sweeps(), others in sweeps(), only_changed in any::<bool>()) {
+        let mut copy = cut_by(&[&common, &own]);
+        let mut original = cut_by(&[&common]);
+        let revision = original.revision();
+        for sweep in &others {
+            original.carve(sweep);
+        }
+        let bricks: Vec<_> = if only_changed {
+            original.changed_after(revision).collect()
+        } else {
+            all_bricks(&original).collect()
+        };
+        for index in bricks {
+            copy.replace_brick(index, original.brick(index)).unwrap();
+        }
+        for sweep in &own {
+            copy.carve(sweep);
+        }
+        let mut whole = cut_by(&[&own, &others, &common]);
+        prop_assert_eq!(copy.removed_units(), whole.removed_units());
+        assert_same(&mut copy, &mut whole);
+    }
+
+    /// The lesser of two clays, voxel by voxel, is the clay that saw the cuts of both.
+    #[test]
+    fn the_lesser_of_two_clays_holds_the_cuts_of_both(first in sweeps(), second in sweeps()) {
+        let (one, other) = (cut_by(&[&first]), cut_by(&[&second]));
+        let mut merged = clay();
+        for index in all_bricks(&merged) {
+            let (one, other) = (voxels_of(one.brick(index)), voxels_of(other.brick(index)));
+            let lesser = std::array::from_fn(|at| one[at].min(other[at]));
+            merged.replace_brick(index, BrickView::Voxels(&lesser)).unwrap();
+        }
+        assert_same(&mut merged, &mut cut_by(&[&first, &second]));
+        assert_same(&mut merged, &mut cut_by(&[&second, &first]));
     }
 
     /// Clay put back where a tool has been is cut again by the same tool: nothing remembered about the place survives.

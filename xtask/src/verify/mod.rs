@@ -3,6 +3,7 @@
 mod citations;
 mod compose;
 mod files;
+mod golden;
 mod image;
 mod links;
 mod steps;

@@ -4,7 +4,7 @@ use std::process::Command;
 
 use anyhow::{Result, ensure};
 
-use super::{citations, compose, image, links};
+use super::{citations, compose, golden, image, links};
 use crate::process::{Interrupt, command, run};
 use crate::tools::{WASM, answer, install_chromium, install_wasm_target, require_node};
 use crate::workspace::{Workspace, cargo, root};
@@ -21,7 +21,7 @@ pub(super) struct Step {
 
 /// In this order: what is quick and often wrong comes first; what needs the release programs comes after they are built,
 /// and the dashboard before them, because the server carries it inside.
-pub(super) const STEPS: [Step; 15] = [
+pub(super) const STEPS: [Step; 16] = [
     Step {
         name: "tools",
         what: "what the tests need is there, or is installed",
@@ -66,6 +66,11 @@ pub(super) const STEPS: [Step; 15] = [
         name: "build",
         what: "the release programs",
         run: build,
+    },
+    Step {
+        name: "golden",
+        what: "native code and WebAssembly get the same bits",
+        run: golden_step,
     },
     Step {
         name: "test",
@@ -187,6 +192,10 @@ fn wasm(workspace: &Workspace, interrupt: &Interrupt) -> Result<()> {
 
 fn build(workspace: &Workspace, interrupt: &Interrupt) -> Result<()> {
     release::build(workspace, interrupt)
+}
+
+fn golden_step(workspace: &Workspace, interrupt: &Interrupt) -> Result<()> {
+    report("different bits", golden::check(workspace, interrupt)?)
 }
 
 fn test(_: &Workspace, interrupt: &Interrupt) -> Result<()> {
