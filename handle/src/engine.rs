@@ -10,19 +10,24 @@
 //! done with into others; it never allocates, locks, or calls Zenoh.
 
 use std::io;
+use std::sync::Arc;
 
 use rtrb::{Consumer, Producer, RingBuffer};
-use teleclay_bilateral::Contact;
+use teleclay_bilateral::{Contact, Retired};
 use teleclay_link::arrivals::ArrivalCounts;
+use teleclay_link::replica::Workplace;
 use teleclay_link::safety::NotFinite;
+use teleclay_link::scheme::replica::Picture;
 use teleclay_link::time::Timestamp;
 use teleclay_operator::DeviceSample;
 use teleclay_proto::Scheme;
+use teleclay_proto::frame::CopyState;
 use teleclay_shell::Clock;
 use teleclay_shell::ticker::{Next, Tick, Ticker, TickerConfig};
 
 use crate::brake::Brake;
 use crate::device::{Device, DeviceCommand, DeviceError, DeviceRequest};
+use crate::refresh::Wishes;
 use crate::seat::{Heard, Seat};
 
 /// Records that may wait for whoever reads them: four seconds of ticks.
@@ -30,15 +35,34 @@ const RECORDS_WAITING: usize = 4096;
 /// A handle that follows slowly never stands quite where it was sent, and a loop that takes over starts from where it stands. What lies
 /// between fades with this time constant, s: 0.1 mm then moves the handle at 1 mm/s.
 const SETTLE_TAU_S: f64 = 0.1;
-/// Orders that may wait, and seats that wait to be dropped.
-const ORDERS_WAITING: usize = 4;
+/// Orders that may wait.
+const ORDERS_WAITING: usize = 8;
+/// Things that wait to be dropped.
+const DISCARDED_WAITING: usize = 16;
 
 /// What the tick is told to do.
 pub(crate) enum Order {
     /// Goes on under another lease, once the handle is at rest.
     Take(Box<Seat>),
+    /// Another tool, place or clay from now on, under this lease.
+    Move {
+        lease: u32,
+        workplace: Arc<Workplace>,
+    },
+    /// The server's clay, under this lease.
+    Show { lease: u32, picture: Picture },
+    /// The server of this lease has gone.
+    Release { lease: u32 },
     /// Says goodbye and brings the handle to rest.
     Leave,
+}
+
+/// What the tick is done with; to be dropped where that costs no tick.
+pub(crate) enum Discarded {
+    Seat { _seat: Box<Seat> },
+    Workplace { _workplace: Arc<Workplace> },
+    Picture { _picture: Picture },
+    Retired { _retired: Retired },
 }
 
 /// Who moves the handle.
@@ -72,6 +96,9 @@ pub(crate) struct Record {
     pub(crate) arrivals: ArrivalCounts,
     pub(crate) lost_on_the_way_out: u64,
     pub(crate) scheme: Scheme,
+    /// What the copy of the clay is good for, where there is one.
+    pub(crate) copy: CopyState,
+    pub(crate) wishes: Wishes,
     pub(crate) fault: Option<NotFinite>,
     pub(crate) request: Option<DeviceRequest>,
 }
@@ -80,7 +107,7 @@ pub(crate) struct Record {
 pub(crate) struct Ends {
     pub(crate) orders: Producer<Order>,
     pub(crate) records: Consumer<Record>,
-    pub(crate) discarded: Consumer<Box<Seat>>,
+    pub(crate) discarded: Consumer<Discarded>,
     /// Why the thread ended by itself.
     pub(crate) failures: Consumer<DeviceError>,
 }
@@ -100,7 +127,7 @@ pub(crate) struct Engine {
     request: Option<DeviceRequest>,
     orders: Consumer<Order>,
     records: Producer<Record>,
-    discarded: Producer<Box<Seat>>,
+    discarded: Producer<Discarded>,
     failures: Producer<DeviceError>,
 }
 
@@ -114,7 +141,7 @@ impl Engine {
     ) -> (Self, Ends) {
         let (orders_in, orders) = RingBuffer::new(ORDERS_WAITING);
         let (records, records_out) = RingBuffer::new(RECORDS_WAITING);
-        let (discarded, discarded_out) = RingBuffer::new(ORDERS_WAITING);
+        let (discarded, discarded_out) = RingBuffer::new(DISCARDED_WAITING);
         let (failures, failures_out) = RingBuffer::new(1);
         seat.take(now);
         let engine = Self {
@@ -171,7 +198,7 @@ impl Engine {
 
     /// One tick. Times in the record are the caller's to fill in.
     fn tick(&mut self, now: Timestamp) -> Result<Record, DeviceError> {
-        self.take_orders();
+        self.take_orders(now);
         let sample = self.device.sample()?;
         let heard = self.seat.listen();
         let step = self.seat.step(now, &sample);
@@ -216,17 +243,23 @@ impl Engine {
             arrivals: self.seat.side.arrivals(),
             lost_on_the_way_out: self.seat.lost_on_the_way_out(),
             scheme: self.seat.side.scheme(),
+            copy: self.seat.side.frame().copy,
+            wishes: Wishes {
+                revision: self.seat.side.revision(),
+                picture: self.seat.side.wanted_picture(),
+            },
             fault: self.seat.side.fault(),
             request: self.request,
         };
         if mode == Mode::Resting {
             self.change_seats(now);
         }
+        self.discard_retired();
         Ok(record)
     }
 
-    fn take_orders(&mut self) {
-        // An order may leave one seat to discard: without room for it the order waits.
+    fn take_orders(&mut self, now: Timestamp) {
+        // An order may leave one thing to discard: without room for it the order waits.
         while 0 < self.discarded.slots() {
             let Ok(order) = self.orders.pop() else { return };
             match order {
@@ -236,7 +269,30 @@ impl Engine {
                 }
                 Order::Take(seat) => {
                     if let Some(overtaken) = self.next.replace(seat) {
-                        self.discard(overtaken);
+                        self.discard(Discarded::Seat { _seat: overtaken });
+                    }
+                }
+                Order::Move { lease, workplace } => {
+                    let before = if lease == self.seat.lease {
+                        self.seat.side.move_to(workplace)
+                    } else {
+                        workplace
+                    };
+                    self.discard(Discarded::Workplace { _workplace: before });
+                }
+                Order::Show { lease, picture } => {
+                    let unused = if lease == self.seat.lease {
+                        self.seat.side.on_picture(picture)
+                    } else {
+                        Some(picture)
+                    };
+                    if let Some(picture) = unused {
+                        self.discard(Discarded::Picture { _picture: picture });
+                    }
+                }
+                Order::Release { lease } => {
+                    if lease == self.seat.lease {
+                        self.seat.side.on_peer_gone(now);
                     }
                 }
             }
@@ -282,14 +338,24 @@ impl Engine {
         };
         seat.take(now);
         let left = std::mem::replace(&mut self.seat, seat);
-        self.discard(left);
+        self.discard(Discarded::Seat { _seat: left });
         self.brake = None;
         self.offset_m = None;
     }
 
-    fn discard(&mut self, seat: Box<Seat>) {
-        // Room was checked before the seat was taken; dropping it here would free memory within the tick.
-        let _ = self.discarded.push(seat);
+    /// What the loop is done with, as long as there is room for it elsewhere.
+    fn discard_retired(&mut self) {
+        while 0 < self.discarded.slots() {
+            let Some(retired) = self.seat.side.take_retired() else {
+                return;
+            };
+            self.discard(Discarded::Retired { _retired: retired });
+        }
+    }
+
+    fn discard(&mut self, done_with: Discarded) {
+        // Room was checked before; dropping it here would free memory within the tick.
+        let _ = self.discarded.push(done_with);
     }
 }
 
@@ -316,6 +382,11 @@ pub(crate) fn sample_record() -> Record {
         arrivals: ArrivalCounts::default(),
         lost_on_the_way_out: 0,
         scheme: Scheme::ForceExchange,
+        copy: CopyState::None,
+        wishes: Wishes {
+            revision: 0,
+            picture: None,
+        },
         fault: None,
         request: None,
     }

@@ -47,6 +47,11 @@ pub enum Event {
         /// How long there had been none, s, when there were some before under this lease.
         after_s: Option<f64>,
     },
+    /// Likewise, after a while on the copy: the force never went.
+    Together {
+        /// How long there had been none, s.
+        after_s: f64,
+    },
     /// No frame for longer than the allowed silence.
     Silent {
         /// The allowed silence, s.
@@ -59,6 +64,20 @@ pub enum Event {
     },
     /// The silence lasts: the copy is felt and no longer cut.
     OnStaleCopy,
+    /// The server's process has gone.
+    ServerGone,
+    /// A picture of the server's clay has come: the hand feels a copy of it from now on.
+    Copied {
+        /// Which block.
+        epoch: u32,
+        /// From the question to the finished copy, s.
+        took_s: f64,
+    },
+    /// The server did not tell what it was asked for; it is asked again.
+    NotRefreshed {
+        /// Why.
+        reason: String,
+    },
     /// The session is paused.
     Paused,
     /// The tool side is in fault.
@@ -106,12 +125,17 @@ impl Event {
             | Self::Silent { .. }
             | Self::OnCopy { .. }
             | Self::OnStaleCopy
+            | Self::ServerGone
+            | Self::NotRefreshed { .. }
             | Self::SessionFault
             | Self::NoFreshClay { .. }
             | Self::RecordingEnded { .. } => Weight::Warning,
-            Self::Joined { .. } | Self::Ticking { .. } | Self::Paused | Self::FreshClay { .. } => {
-                Weight::Notice
-            }
+            Self::Joined { .. }
+            | Self::Ticking { .. }
+            | Self::Copied { .. }
+            | Self::Paused
+            | Self::FreshClay { .. } => Weight::Notice,
+            Self::Together { .. } => Weight::Notice,
             Self::Live { after_s, .. } if after_s.is_some() => Weight::Notice,
             Self::Live { .. } | Self::RoundFinished { .. } | Self::Status(_) => Weight::Detail,
         }
@@ -171,6 +195,12 @@ impl fmt::Display for Event {
                 after_s: Some(after_s),
                 ..
             } => write!(f, "frames come again, after {after_s:.2} s: force returns"),
+            Self::Together { after_s } => {
+                write!(
+                    f,
+                    "frames come again, after {after_s:.2} s: what was cut meanwhile is told"
+                )
+            }
             Self::Silent { silence_s } => {
                 write!(
                     f,
@@ -183,6 +213,17 @@ impl fmt::Display for Event {
             ),
             Self::OnStaleCopy => {
                 f.write_str("still no frame: the copy of the clay is felt and no longer cut")
+            }
+            Self::ServerGone => f.write_str("the server has gone: force released, joining again"),
+            Self::Copied { epoch, took_s } => write!(
+                f,
+                "a copy of block {epoch} is here, after {took_s:.2} s: it is felt and cut at once"
+            ),
+            Self::NotRefreshed { reason } => {
+                write!(
+                    f,
+                    "the server does not tell what is needed, asking again: {reason}"
+                )
             }
             Self::Paused => f.write_str("the session is paused: force released until it goes on"),
             Self::SessionFault => {

@@ -10,9 +10,10 @@ use teleclay_link::time::Timestamp;
 use teleclay_proto::frame::ToolFrame;
 use teleclay_shell::Clock;
 use teleclay_shell::network::CONTROL_QOS;
+use tokio::sync::mpsc::UnboundedSender;
 use zenoh::liveliness::LivelinessToken;
 use zenoh::pubsub::Subscriber;
-use zenoh::sample::Sample;
+use zenoh::sample::{Sample, SampleKind};
 use zenoh::{Session, Wait};
 
 use crate::join::Welcome;
@@ -67,11 +68,13 @@ pub(crate) struct Line {
     rejected: Arc<Rejected>,
     sender: Sender,
     _down: Subscriber<()>,
+    _alive: Subscriber<()>,
     _presence: LivelinessToken,
 }
 
 impl Line {
-    /// Declares everything, and gives the seat for the tick.
+    /// Declares everything, and gives the seat for the tick. `gone` gets the lease when the server goes: a process that dies takes its connections
+    /// with it, and that is seen at once. One that no longer answers is not seen so; silence tells of it.
     ///
     /// # Errors
     /// The parameters make no loop, or a resource is missing.
@@ -80,6 +83,7 @@ impl Line {
         slow: &Session,
         clock: Clock,
         welcome: Box<Welcome>,
+        gone: UnboundedSender<u32>,
     ) -> Result<(Self, Box<Seat>), LineError> {
         let Welcome { keys, granted } = &*welcome;
         let (congestion, priority, express, reliability) = CONTROL_QOS;
@@ -112,6 +116,19 @@ impl Line {
             })
             .await
             .map_err(zenoh_error)?;
+        let lease = granted.lease;
+        let alive = slow
+            .liveliness()
+            .declare_subscriber(teleclay_proto::keys::alive(keys.node()))
+            .history(true)
+            .callback(move |sample| {
+                if sample.kind() == SampleKind::Delete {
+                    // Whoever listened has gone: then nobody needs to know.
+                    let _ = gone.send(lease);
+                }
+            })
+            .await
+            .map_err(zenoh_error)?;
         let presence = slow
             .liveliness()
             .declare_token(keys.operator(granted.lease))
@@ -123,6 +140,7 @@ impl Line {
                 rejected,
                 sender,
                 _down: down,
+                _alive: alive,
                 _presence: presence,
             },
             seat,

@@ -12,8 +12,8 @@ use crate::engine::{Mode, Record};
 
 /// The columns. Times are on the handle's own clock; `silence_s` is how long ago the last frame of the tool side came, `echo_s` how long
 /// ago it last showed that it had heard something new; `rtt_s` is empty unless a frame of this tick completed a round trip. The handle's
-/// position is its displacement from home.
-pub const COLUMNS: &str = "clock_s,lateness_s,lease,mode,contact,silence_s,echo_s,rtt_s,\
+/// position is its displacement from home. `copy` says what its copy of the clay is good for, where the scheme keeps one.
+pub const COLUMNS: &str = "clock_s,lateness_s,lease,mode,contact,copy,silence_s,echo_s,rtt_s,\
     position_x_m,position_y_m,position_z_m,velocity_x_m_s,velocity_y_m_s,velocity_z_m_s,\
     hand_force_x_n,hand_force_y_n,hand_force_z_n,felt_force_x_n,felt_force_y_n,felt_force_z_n";
 
@@ -55,12 +55,13 @@ fn write_line(file: &mut impl Write, record: &Record) -> io::Result<()> {
     let seconds = |nanos: u64| nanos as f64 * 1e-9;
     write!(
         file,
-        "{:.6},{:.9},{},{},{},{:.6},{:.6},",
+        "{:.6},{:.9},{},{},{},{},{:.6},{:.6},",
         seconds(record.at_ns),
         seconds(record.lateness_ns),
         record.lease,
         mode(record.mode),
         contact(record.contact),
+        record.copy,
         seconds(record.silence_ns),
         seconds(record.echo_age_ns),
     )?;
@@ -96,6 +97,7 @@ const fn contact(contact: Contact) -> &'static str {
         Contact::Silent => "silent",
         Contact::OnCopy => "on_copy",
         Contact::OnStaleCopy => "on_stale_copy",
+        Contact::Gone => "gone",
         Contact::Paused => "paused",
         Contact::Fault => "fault",
     }

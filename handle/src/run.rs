@@ -11,7 +11,7 @@ use teleclay_proto::{NodeName, PROTOCOL, SessionId};
 use teleclay_shell::network::{self, Endpoints, NetworkError};
 use teleclay_shell::ticker::{Scheduling, Ticker, TickerConfig};
 use teleclay_shell::{Clock, Drift};
-use tokio::sync::mpsc::UnboundedSender;
+use tokio::sync::mpsc::{UnboundedReceiver, UnboundedSender, unbounded_channel};
 use tokio::sync::watch;
 use tokio::time::{Instant, Interval, MissedTickBehavior, interval, sleep_until, timeout};
 use zenoh::Session;
@@ -22,6 +22,7 @@ use crate::event::Event;
 use crate::join::{self, Invitation, JoinError, OldLease, Welcome};
 use crate::line::{Line, LineError};
 use crate::recording::Recording;
+use crate::refresh::{self, Fresh, Wishes};
 use crate::status::{State, Status, Tally};
 use teleclay_link::time::Timestamp;
 
@@ -31,6 +32,9 @@ const READ_EVERY: Duration = Duration::from_millis(20);
 const TELL_EVERY: Duration = Duration::from_secs(1);
 /// Without frames for this long a lease counts as lost. Shorter gaps mend themselves.
 const LOST_AFTER: Duration = Duration::from_secs(1);
+/// A copy of the clay goes on without frames, and what was cut since waits for the line: a new lease would give that up. The server holds a lease for
+/// 10 s of silence, so the old one is asked back for until shortly before.
+const LOST_ON_COPY_AFTER: Duration = Duration::from_secs(8);
 /// Bringing the handle to rest takes 0.3 s at most.
 const REST_WITHIN: Duration = Duration::from_millis(500);
 /// Ticks that say goodbye at least: enough for one of them to get through a line that loses every second frame.
@@ -178,6 +182,7 @@ pub async fn run(options: Options, mut until: Until, events: UnboundedSender<Eve
 }
 
 type Searching = Pin<Box<dyn Future<Output = Result<Box<Welcome>, JoinError>> + Send>>;
+type Refreshing = Pin<Box<dyn Future<Output = Result<Fresh, String>> + Send>>;
 type Freshening = Pin<Box<dyn Future<Output = Result<FreshReply, String>> + Send>>;
 
 /// A device in motion.
@@ -202,6 +207,15 @@ struct Run {
     searching_since: Instant,
     lost_at: Option<Instant>,
     freshening: Option<Freshening>,
+    /// What the tick wants to know is being fetched, for this lease.
+    refreshing: Option<Refreshing>,
+    refreshing_for: u32,
+    /// Nothing is fetched before.
+    refresh_from: Instant,
+    /// Revision of the parameters that the tick works with.
+    revision: u16,
+    /// Gets the lease whose server has gone.
+    gone: (UnboundedSender<u32>, UnboundedReceiver<u32>),
     /// Of the last record: lease, contact, and since when it lasts.
     contact: (u32, Contact, Instant),
     mode: Mode,
@@ -229,6 +243,11 @@ impl Run {
             searching_since: started,
             lost_at: None,
             freshening: None,
+            refreshing: None,
+            refreshing_for: 0,
+            refresh_from: started,
+            revision: 0,
+            gone: unbounded_channel(),
             contact: (0, Contact::NotYet, started),
             mode: Mode::Resting,
             is_leaving: false,
@@ -259,6 +278,11 @@ impl Run {
                         Ok(FreshReply::Fresh { epoch }) => Event::FreshClay { epoch },
                         Ok(FreshReply::Refused { reason }) | Err(reason) => Event::NoFreshClay { reason },
                     });
+                }
+                Some(lease) = self.gone.1.recv() => self.on_server_gone(lease),
+                fresh = finished(&mut self.refreshing) => {
+                    self.refreshing = None;
+                    self.on_refreshed(fresh);
                 }
                 _ = read.tick() => self.read()?,
                 _ = tell.tick() => {
@@ -337,7 +361,10 @@ impl Run {
         let (_, slow) = self.slow.as_ref().expect("it was opened in the line above");
         // The old line first: it may use the same keys.
         self.line = None;
-        let (line, seat) = Line::open(&self.control, slow, self.clock, welcome).await?;
+        let gone = self.gone.0.clone();
+        let (line, seat) = Line::open(&self.control, slow, self.clock, welcome, gone).await?;
+        self.refreshing = None;
+        self.revision = parameters.revision;
         self.tally.on_lease(line.welcome.granted.lease);
         self.line = Some(line);
         self.tell(joined);
@@ -472,12 +499,88 @@ impl Run {
             return Ok(());
         }
         self.on_contact(record);
-        let is_lost = LOST_AFTER.as_nanos() < u128::from(record.silence_ns);
+        self.refresh(record.lease, record.wishes);
+        let is_on_copy = matches!(record.contact, Contact::OnCopy | Contact::OnStaleCopy);
+        let lost_after = if is_on_copy {
+            LOST_ON_COPY_AFTER
+        } else {
+            LOST_AFTER
+        };
+        let is_lost = lost_after.as_nanos() < u128::from(record.silence_ns);
         if is_lost && self.searching.is_none() {
             self.lost_at.get_or_insert_with(Instant::now);
             self.search();
         }
         Ok(())
+    }
+
+    /// Fetches what the tick wants to know, one thing after the other.
+    fn refresh(&mut self, lease: u32, wishes: Wishes) {
+        let wants_any = wishes.revision != self.revision || wishes.picture.is_some();
+        let (Some(line), Some((_, slow)), None, true) =
+            (&self.line, &self.slow, &self.refreshing, wants_any)
+        else {
+            return;
+        };
+        if Instant::now() < self.refresh_from {
+            return;
+        }
+        self.refreshing_for = lease;
+        self.refreshing = Some(Box::pin(refresh::refresh(
+            slow.clone(),
+            line.welcome.keys.clone(),
+            self.revision,
+            wishes,
+        )));
+    }
+
+    fn on_refreshed(&mut self, fresh: Result<Fresh, String>) {
+        self.refresh_from = Instant::now() + refresh::PAUSE;
+        let lease = self.refreshing_for;
+        let Some(rig) = &mut self.rig else { return };
+        let orders = &mut rig.ends.orders;
+        let Fresh {
+            parameters,
+            picture,
+            took,
+        } = match fresh {
+            Ok(fresh) => fresh,
+            Err(reason) => return self.tell(Event::NotRefreshed { reason }),
+        };
+        // Orders that find no room are lost, and what they carried is asked for again: the tick goes on wanting it.
+        if let Some((revision, workplace)) = parameters
+            && orders.push(Order::Move { lease, workplace }).is_ok()
+        {
+            self.revision = revision;
+        }
+        let Some(picture) = picture else { return };
+        let epoch = picture.epoch;
+        if orders.push(Order::Show { lease, picture }).is_ok() {
+            self.tell(Event::Copied {
+                epoch,
+                took_s: took.as_secs_f64(),
+            });
+        }
+    }
+
+    /// The server's process has ended: the force goes, and another lease is asked for.
+    fn on_server_gone(&mut self, lease: u32) {
+        let is_current = self
+            .line
+            .as_ref()
+            .is_some_and(|line| line.welcome.granted.lease == lease);
+        if !is_current || self.is_leaving {
+            return;
+        }
+        if let Some(rig) = &mut self.rig {
+            // A full ring means a thread that has stopped: nothing is felt then.
+            let _ = rig.ends.orders.push(Order::Release { lease });
+        }
+        if self.searching.is_none() {
+            self.lost_at.get_or_insert_with(Instant::now);
+            self.tell(Event::ServerGone);
+            self.search();
+        }
     }
 
     fn on_contact(&mut self, record: &Record) {
@@ -490,19 +593,24 @@ impl Run {
         let was_lost = lease == record.lease
             && matches!(
                 before,
-                Contact::Silent | Contact::OnCopy | Contact::OnStaleCopy
+                Contact::Silent | Contact::OnCopy | Contact::OnStaleCopy | Contact::Gone
             );
         let was_held = lease == record.lease && matches!(before, Contact::Paused | Contact::Fault);
         match record.contact {
-            Contact::NotYet => {}
+            // That the server has gone was told when it was seen.
+            Contact::NotYet | Contact::Gone => {}
             Contact::Live => {
                 let after_s = (was_lost || was_held).then(|| (now - since).as_secs_f64());
                 if was_lost {
                     self.lost_at = None;
                 }
-                self.tell(Event::Live {
-                    lease: record.lease,
-                    after_s,
+                let was_on_copy = matches!(before, Contact::OnCopy | Contact::OnStaleCopy);
+                self.tell(match after_s {
+                    Some(after_s) if was_on_copy => Event::Together { after_s },
+                    _ => Event::Live {
+                        lease: record.lease,
+                        after_s,
+                    },
                 });
             }
             Contact::Silent | Contact::OnCopy => {

@@ -96,9 +96,11 @@ impl Seat {
         self.side.step(now, sample)
     }
 
-    /// Hands the frame of the last step over to the network.
+    /// Hands the frame of the last step over to the network, if it is one that goes out.
     pub(crate) fn send(&mut self) {
-        self.lost_on_the_way_out += u64::from(self.outbox.push(self.side.frame()).is_err());
+        if let Some(frame) = self.side.frame_to_send() {
+            self.lost_on_the_way_out += u64::from(self.outbox.push(frame).is_err());
+        }
     }
 
     /// Frames that found the way out full.

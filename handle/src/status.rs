@@ -211,7 +211,7 @@ impl Tally {
             _ if record.fault.is_some() => State::Fault,
             (Mode::Coupled, Contact::Live) => State::Live,
             (Mode::Coupled, Contact::NotYet) => State::Waiting,
-            (Mode::Coupled, Contact::Silent) => State::Silent,
+            (Mode::Coupled, Contact::Silent | Contact::Gone) => State::Silent,
             (Mode::Coupled, Contact::OnCopy) => State::OnCopy,
             (Mode::Coupled, Contact::OnStaleCopy) => State::OnStaleCopy,
             (Mode::Coupled, Contact::Paused) => State::Paused,

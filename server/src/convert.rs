@@ -3,65 +3,24 @@
 use std::time::Duration;
 
 use teleclay_bilateral::Lines;
-use teleclay_clay::{
-    Ball, Blade, BladeDimensions, Coefficients, Material, Shape, SteppedBlock, SteppedDimensions,
-    ToolShape,
-};
+use teleclay_clay::{Material, Shape, ToolShape};
 use teleclay_link::conditioner;
 use teleclay_proto::http::{
     self, ClayShape, FieldError, Impairment, JitterDistribution, Network, ToolDescription,
 };
 
 pub(crate) fn material(raw: &http::Material) -> Result<Material, FieldError> {
-    let coefficients = Coefficients {
-        viscosity_pa_s_per_m: raw.viscosity_pa_s_per_m,
-        yield_stress_pa: raw.yield_stress_pa,
-        stiffness_pa: raw.stiffness_pa,
-    };
-    Material::new(coefficients).map_err(|error| FieldError::new("/material", error.to_string()))
+    teleclay_bilateral::material(raw)
+        .map_err(|error| FieldError::new("/material", error.to_string()))
 }
 
 pub(crate) fn tool(raw: &ToolDescription) -> Result<ToolShape, FieldError> {
-    let refused = |error: teleclay_clay::ToolError| FieldError::new("/tool", error.to_string());
-    Ok(match *raw {
-        ToolDescription::Ball { radius_m } => {
-            ToolShape::Ball(Ball::new(radius_m).map_err(refused)?)
-        }
-        ToolDescription::Blade {
-            width_m,
-            height_m,
-            thickness_m,
-        } => ToolShape::Blade(
-            Blade::new(BladeDimensions {
-                width_m,
-                height_m,
-                thickness_m,
-            })
-            .map_err(refused)?,
-        ),
-    })
+    teleclay_bilateral::tool_shape(raw).map_err(|error| FieldError::new("/tool", error.to_string()))
 }
 
 pub(crate) fn shape(raw: &ClayShape) -> Result<Shape, FieldError> {
-    Ok(match raw {
-        ClayShape::Block { size_m } => Shape::Block { size_m: *size_m },
-        ClayShape::Stepped {
-            edges_m,
-            depths_of_cut_m,
-            base_m,
-            width_m,
-        } => {
-            let dimensions = SteppedDimensions {
-                edges_m: edges_m.clone(),
-                depths_of_cut_m: depths_of_cut_m.clone(),
-                base_m: *base_m,
-                width_m: *width_m,
-            };
-            let stepped = SteppedBlock::new(dimensions)
-                .map_err(|error| FieldError::new("/shape", error.to_string()))?;
-            Shape::Stepped(stepped)
-        }
-    })
+    teleclay_bilateral::clay_shape(raw)
+        .map_err(|error| FieldError::new("/shape", error.to_string()))
 }
 
 pub(crate) fn lines(raw: &Network) -> Lines {

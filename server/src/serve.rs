@@ -6,7 +6,6 @@ use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
 use anyhow::Context as _;
-use teleclay_proto::Scheme;
 use teleclay_proto::SessionId;
 use teleclay_proto::http::{ClayShape, ClaySpec, NewSession, ToolDescription};
 use teleclay_shell::Clock;
@@ -192,11 +191,10 @@ pub async fn run(settings: Settings) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The session that a server starts with: a block, a ball, the paper's coupling.
+/// The session that a server starts with: a block, a ball, the scheme that is the default.
 fn demo_session() -> NewSession {
     let id = SessionId::new(DEMO).expect("a constant name is valid");
     NewSession {
-        scheme: Scheme::ForceExchange,
         clay: ClaySpec {
             shape: ClayShape::default(),
             ..ClaySpec::default()

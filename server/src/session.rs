@@ -247,6 +247,9 @@ pub(crate) fn tools(settings: &Settings, stats: &SessionStats) -> Vec<ToolState>
             felt_force_n: view.felt_force_n,
             hand_force_n: view.hand_force_n,
             home_m: settings.parameters.home_m,
+            copy: view.copy,
+            hidden_force_n: view.hidden_force_n,
+            sweeps_refused: view.sweeps_refused,
         });
     }
     tools

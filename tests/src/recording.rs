@@ -15,6 +15,8 @@ pub struct Row {
     pub mode: String,
     /// What was felt, and why not: `live`, `not_yet`, `silent`, `paused`, `fault`.
     pub contact: String,
+    /// What the copy of the clay was good for: `none`, `live`, `stale`, `diverged`.
+    pub copy: String,
     /// Since the last frame of the tool side, s.
     pub silence_s: f64,
     /// Round trip, when a frame of this tick completed one, s.
@@ -75,6 +77,7 @@ fn row(columns: &[&str], line: &str) -> Result<Row> {
         lease: text("lease")?.parse()?,
         mode: text("mode")?.to_owned(),
         contact: text("contact")?.to_owned(),
+        copy: text("copy")?.to_owned(),
         silence_s: number("silence_s")?,
         rtt_s: match text("rtt_s")? {
             "" => None,

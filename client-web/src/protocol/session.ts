@@ -66,6 +66,9 @@ const toolState = v.object({
   felt_force_n: vector,
   hand_force_n: vector,
   home_m: vector,
+  copy: v.picklist(["none", "live", "stale", "diverged"]),
+  hidden_force_n: vector,
+  sweeps_refused: v.number(),
 });
 
 export const sessionSchema = v.object({

@@ -20,7 +20,7 @@ export function fakeSession(change: Partial<Session> = {}): Session {
     tool: { kind: "ball", radius_m: 0.0064 },
     tools: [{
       id: 1, operator: "Ada", connected: true, position_m: [0, 0, 0], force_n: [0, 0, 0], handle_position_m: [0, 0, 0],
-      felt_force_n: [0, 0, 0], hand_force_n: [0, 0, 0], home_m: [0, 0, 0],
+      felt_force_n: [0, 0, 0], hand_force_n: [0, 0, 0], home_m: [0, 0, 0], copy: "none", hidden_force_n: [0, 0, 0], sweeps_refused: 0,
     }],
     position_ratio: 1,
     coordination_m: 0,

@@ -45,6 +45,8 @@ pub enum Contact {
     OnCopy,
     /// The silence lasts: the copy is felt and no longer cut.
     OnStaleCopy,
+    /// The tool side has gone: nobody would merge what is cut here, so there is nothing to be felt either.
+    Gone,
     /// The session is paused.
     Paused,
     /// The tool side is in fault, or this side is (see [`HandleSide::fault`]).
@@ -103,6 +105,8 @@ pub struct HandleSide {
     arrivals: Arrivals,
     round_trip: RoundTrip,
     status: LoopStatus,
+    /// When the tool side was seen to go, until it is heard of again.
+    gone_since: Option<Timestamp>,
     fault: Option<NotFinite>,
     frame: HandleFrame,
     deadband: Option<Deadband>,
@@ -146,6 +150,7 @@ impl HandleSide {
             arrivals: Arrivals::default(),
             round_trip: RoundTrip::default(),
             status: LoopStatus::Idle,
+            gone_since: None,
             fault: None,
             frame: HandleFrame {
                 header,
@@ -175,6 +180,10 @@ impl HandleSide {
         let header = &frame.header;
         if header.lease != self.frame.header.lease {
             return;
+        }
+        // What was on its way when the tool side went is no sign of life.
+        if self.gone_since.is_some_and(|since| since < now) {
+            self.gone_since = None;
         }
         let arrival = self.arrivals.on_sequence(header.sequence);
         let outside = [
@@ -290,6 +299,12 @@ impl HandleSide {
         self.end.replica()
     }
 
+    /// The tool side is known to have gone, by other means than its silence: the force ramps to zero whatever the scheme, until a frame that arrives
+    /// later than `now` shows that it is there.
+    pub fn on_peer_gone(&mut self, now: Timestamp) {
+        self.gone_since = Some(now);
+    }
+
     /// Says goodbye in every further frame.
     pub fn leave(&mut self) {
         self.frame.engagement = Engagement::Leaving;
@@ -303,6 +318,11 @@ impl HandleSide {
     /// Round trip as seen from here.
     pub fn round_trip(&self) -> &RoundTrip {
         &self.round_trip
+    }
+
+    /// Revision of the parameters that the tool side works with, as last received.
+    pub fn revision(&self) -> u16 {
+        self.frame.header.revision
     }
 
     /// The scheme in force.
@@ -319,6 +339,9 @@ impl HandleSide {
     pub fn contact(&self, now: Timestamp) -> Contact {
         if self.fault.is_some() || self.status == LoopStatus::Fault {
             return Contact::Fault;
+        }
+        if self.gone_since.is_some() {
+            return Contact::Gone;
         }
         if self.watchdog.age(now).is_none() {
             return Contact::NotYet;
@@ -351,8 +374,9 @@ impl HandleSide {
         } else {
             (self.remote_gain + change).min(1.0)
         };
-        let works =
-            matches!(self.status, LoopStatus::Running | LoopStatus::Idle) && self.fault.is_none();
+        let works = matches!(self.status, LoopStatus::Running | LoopStatus::Idle)
+            && self.fault.is_none()
+            && self.gone_since.is_none();
         self.status_gain =
             (self.status_gain + if works { change } else { -change }).clamp(0.0, 1.0);
 

@@ -20,6 +20,6 @@ mod tool_side;
 pub mod wall;
 
 pub use handle_side::{Contact, HandleSide, HandleStep, Retired};
-pub use parameters::{LoopModel, ParameterError, material, tool_shape, workplace};
+pub use parameters::{LoopModel, ParameterError, clay_shape, material, tool_shape, workplace};
 pub use session::{FreshBlock, Lines, SessionLoop};
 pub use tool_side::{Permission, ToolSide, ToolStep, ToolView};

@@ -4,7 +4,8 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use teleclay_clay::{
-    Ball, Blade, BladeDimensions, Coefficients, Material, MaterialError, Tool, ToolError, ToolShape,
+    Ball, Blade, BladeDimensions, Coefficients, Material, MaterialError, Shape, ShapeError,
+    SteppedBlock, SteppedDimensions, Tool, ToolError, ToolShape,
 };
 use teleclay_control::{
     DiscreteStateSpace, DiscretiseError, FollowerError, Inverse, RationalError, RationalFunction,
@@ -15,6 +16,7 @@ use teleclay_link::replica::Workplace;
 use teleclay_link::safety::{ForceLimits, WatchdogTimes};
 use teleclay_link::scheme::{Coupling, Ground};
 use teleclay_link::travel::TravelLimits;
+use teleclay_proto::http::ClayShape;
 use teleclay_proto::join::LoopParameters;
 use teleclay_proto::{Axes, ToolDescription};
 
@@ -84,6 +86,27 @@ pub fn material(description: &teleclay_proto::Material) -> Result<Material, Mate
         viscosity_pa_s_per_m: description.viscosity_pa_s_per_m,
         yield_stress_pa: description.yield_stress_pa,
         stiffness_pa: description.stiffness_pa,
+    })
+}
+
+/// The block that a description describes, fresh.
+///
+/// # Errors
+/// Steps that do not ascend, or lengths that are none.
+pub fn clay_shape(description: &ClayShape) -> Result<Shape, ShapeError> {
+    Ok(match description {
+        ClayShape::Block { size_m } => Shape::Block { size_m: *size_m },
+        ClayShape::Stepped {
+            edges_m,
+            depths_of_cut_m,
+            base_m,
+            width_m,
+        } => Shape::Stepped(SteppedBlock::new(SteppedDimensions {
+            edges_m: edges_m.clone(),
+            depths_of_cut_m: depths_of_cut_m.clone(),
+            base_m: *base_m,
+            width_m: *width_m,
+        })?),
     })
 }
 

@@ -123,18 +123,19 @@ impl SessionLoop {
             }
             self.cuts.clear();
             self.cuts.extend_from_slice(side.cuts());
-            self.relay_from(number);
+            let is_led = side.is_led();
+            self.relay_from(number, is_led);
         }
     }
 
-    /// Tells everybody else's copy what the tool at `number` has cut.
-    fn relay_from(&mut self, number: usize) {
+    /// Tells every copy what the tool at `number` has cut, but for the one that led it there: that one has cut it first.
+    fn relay_from(&mut self, number: usize, is_led: bool) {
         if self.cuts.is_empty() {
             return;
         }
         let others = (0..)
             .zip(&mut self.places)
-            .filter(|(other, _)| *other != number);
+            .filter(|(other, _)| *other != number || !is_led);
         for side in others.filter_map(|(_, place)| place.side.as_mut()) {
             for cut in &self.cuts {
                 side.relay(*cut);

@@ -257,6 +257,11 @@ impl ToolSide {
         step
     }
 
+    /// Whether the handle's sweeps led the tool in the last tick.
+    pub fn is_led(&self) -> bool {
+        self.was_led
+    }
+
     /// What was cut in the last tick.
     pub fn cuts(&self) -> &[Cut] {
         &self.cuts

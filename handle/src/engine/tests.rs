@@ -313,10 +313,7 @@ fn another_lease_starts_where_the_handle_stands_without_a_step_of_force_or_speed
     assert!(bench.ends.orders.push(Order::Take(seat)).is_ok());
     let ticks = (1..).find(|_| bench.tick().lease == 2).unwrap();
     assert!(ticks <= 302, "{ticks}");
-    assert_eq!(
-        bench.ends.discarded.pop().map(|seat| seat.lease).ok(),
-        Some(1)
-    );
+    assert_eq!(discarded(&mut bench), ["seat"]);
     let record = bench.couple_for(200);
     assert_eq!(
         (record.mode, record.contact, record.lease),
@@ -455,4 +452,119 @@ fn a_request_waits_until_its_record_is_taken_and_is_told_once() {
         .map(|record| record.request)
         .collect();
     assert_eq!(requests, [Some(DeviceRequest::FreshClay), None, None]);
+}
+
+/// A small block, as a picture of it comes from the server.
+fn picture(epoch: u32) -> Picture {
+    let shape = teleclay_clay::Shape::Block {
+        size_m: [0.032, 0.016, 0.016],
+    };
+    Picture {
+        clay: Box::new(teleclay_clay::Clay::new(&shape, 1e-3).unwrap()),
+        epoch,
+    }
+}
+
+fn workplace() -> Arc<Workplace> {
+    teleclay_bilateral::workplace(&LoopParameters::default()).unwrap()
+}
+
+/// What was discarded so far, by its kind.
+fn discarded(bench: &mut Bench) -> Vec<&'static str> {
+    let mut kinds = Vec::new();
+    while let Ok(done_with) = bench.ends.discarded.pop() {
+        kinds.push(match done_with {
+            Discarded::Seat { .. } => "seat",
+            Discarded::Workplace { .. } => "workplace",
+            Discarded::Picture { .. } => "picture",
+            Discarded::Retired { .. } => "retired",
+        });
+    }
+    kinds
+}
+
+#[test]
+fn under_the_replica_a_picture_is_wished_for_until_it_is_there_and_is_felt_from_then_on() {
+    let mut bench = Bench::new(Intent::Idle);
+    bench.tool.frame.header.scheme = Scheme::Replica;
+    bench.tool.frame.header.clay_epoch = 3;
+    let record = bench.couple_for(5);
+    assert_eq!(record.scheme, Scheme::Replica);
+    assert_eq!(record.copy, CopyState::None);
+    let wanted = record.wishes.picture.expect("it lacks the clay");
+    assert_eq!(wanted.epoch, 3);
+
+    // Another block is of no use, nor is one that belongs to another lease; the wish stays.
+    for (lease, epoch) in [(1, 2), (9, 3)] {
+        let picture = picture(epoch);
+        assert!(
+            bench
+                .ends
+                .orders
+                .push(Order::Show { lease, picture })
+                .is_ok()
+        );
+        assert_eq!(bench.couple_for(1).wishes.picture, Some(wanted));
+    }
+    assert!(
+        bench
+            .ends
+            .orders
+            .push(Order::Show {
+                lease: 1,
+                picture: picture(3),
+            })
+            .is_ok()
+    );
+    let record = bench.couple_for(2);
+    assert_eq!(record.wishes.picture, None);
+    assert_eq!(record.copy, CopyState::Live);
+    let kinds = discarded(&mut bench);
+    assert!(kinds.contains(&"picture"), "{kinds:?}");
+}
+
+#[test]
+fn a_new_revision_is_wished_for_and_what_it_replaces_is_dropped_elsewhere() {
+    let mut bench = Bench::new(Intent::Idle);
+    assert_eq!(bench.couple_for(2).wishes.revision, 0);
+    bench.tool.frame.header.revision = 7;
+    assert_eq!(bench.couple_for(2).wishes.revision, 7);
+    for lease in [1, 9] {
+        let workplace = workplace();
+        assert!(
+            bench
+                .ends
+                .orders
+                .push(Order::Move { lease, workplace })
+                .is_ok()
+        );
+    }
+    bench.couple_for(1);
+    assert_eq!(discarded(&mut bench), ["workplace", "workplace"]);
+}
+
+#[test]
+fn a_server_that_has_gone_releases_the_hand_within_a_ramp_whatever_the_scheme_and_frames_bring_it_back()
+ {
+    let mut bench = Bench::new(Intent::Idle);
+    let felt = bench.couple_for(200).felt_force_n;
+    assert_eq!(felt, [-3.0, 0.0, 0.0]);
+    bench.told();
+    // A frame that came before the news is no sign of life after it; another lease's server is none of ours.
+    bench.tool_speaks();
+    for lease in [9, 1] {
+        assert!(bench.ends.orders.push(Order::Release { lease }).is_ok());
+        assert_eq!(bench.tick().contact == Contact::Gone, lease == 1);
+    }
+    for _ in 0..60 {
+        bench.tick();
+    }
+    let record = bench.tick();
+    assert_eq!(record.contact, Contact::Gone);
+    assert_eq!(record.felt_force_n, [0.0; 3]);
+    let record = bench.couple_for(200);
+    assert_eq!(record.contact, Contact::Live);
+    assert_eq!(record.felt_force_n, [-3.0, 0.0, 0.0]);
+    let (force_n, _) = steps(&bench.told());
+    assert!(force_n <= FORCE_STEP_N, "{force_n} N in a tick");
 }

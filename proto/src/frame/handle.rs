@@ -1,5 +1,8 @@
 //! The frame that goes up: what the hand does.
 
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
 use super::{Header, KIND_HANDLE, MAX_FRAME, Sweeps, header, sweeps};
 use crate::FrameError;
 use crate::bytes::{Reader, Writer};
@@ -10,7 +13,8 @@ pub(super) const FIXED: usize = header::LENGTH + 7 * 24 + 8 + 8 + sweeps::HEAD;
 
 words! {
     /// What the handle's copy of the clay is good for.
-    #[derive(Default)]
+    #[derive(Default, Serialize, Deserialize, ToSchema)]
+    #[serde(rename_all = "snake_case")]
     pub enum CopyState: "copy state" {
         /// There is none: the scheme needs none, or it has not come yet.
         #[default]

@@ -7,6 +7,7 @@ use super::{
     Axes, ClayHash, ClayShape, ClaySpec, FieldError, Material, Network, Scheme, SessionId,
     ToolDescription, Validate,
 };
+use crate::frame::CopyState;
 
 /// Most operators of one session.
 pub const MAX_TOOLS: u8 = 8;
@@ -176,6 +177,12 @@ pub struct ToolState {
     pub hand_force_n: [f64; 3],
     /// Tool position in the clay's frame when the handle is at its origin, m.
     pub home_m: [f64; 3],
+    /// What the handle's copy of the clay is good for; `none` in schemes without one.
+    pub copy: CopyState,
+    /// Felt force less what the hand would feel of this clay's answer to the same motion, N: what a copy hid. Zero in schemes without one.
+    pub hidden_force_n: [f64; 3],
+    /// Cuts of this operator that the server did not take, since joining.
+    pub sweeps_refused: u32,
 }
 
 /// How the loop and its link do.

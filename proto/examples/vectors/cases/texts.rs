@@ -3,6 +3,7 @@
 use serde::Serialize;
 use serde_json::{Value, json};
 
+use teleclay_proto::frame::CopyState;
 use teleclay_proto::http::{
     Burst, ClayHash, ClayReset, ClayShape, ClaySpec, ClayState, FieldError, Impairment,
     JitterDistribution, LoopState, Material, Network, NewSession, Outage, Problem, Quantiles,
@@ -354,6 +355,9 @@ fn session() -> Session {
             felt_force_n: [-0.5, 0.0, 0.0],
             hand_force_n: [2.0, 0.0, 0.0],
             home_m: [0.0, 0.032, 0.01],
+            copy: CopyState::Live,
+            hidden_force_n: [0.0625, 0.0, 0.0],
+            sweeps_refused: 2,
         }],
         position_ratio: 1.0,
         coordination_m: 2.5e-5,

@@ -1,0 +1,329 @@
+//! Two processes and a bad network between them. Each test asks the relay first what it has really done.
+//!
+//! What the replica promises is judged against a replay: the handle wrote down where it was at every tick, to the last bit, and the same
+//! places are swept through a fresh block here, by the clay alone, without scheme, line or clock.
+
+use serde_json::json;
+use teleclay_bilateral::{clay_shape, material, tool_shape};
+use teleclay_clay::{Clay, ContactState, Motion, Pose, Sweep, Tool};
+use teleclay_proto::http::Session;
+use teleclay_tests::process::PATIENCE;
+use teleclay_tests::recording::{Row, greatest_force_step_n, norm, rtt_quantile_s};
+use teleclay_tests::relay::{Line, Relay, Report};
+use teleclay_tests::stage::{DEMO, Handle, HandleOptions, Ports, Server, Transport};
+
+use super::endings::{FORCE_STEP_N, cuts};
+
+/// Server, relay and handle, cutting over a line that does nothing yet.
+pub(super) struct Stage {
+    pub(super) server: Server,
+    pub(super) relay: Relay,
+    pub(super) handle: Handle,
+}
+
+impl Stage {
+    pub(super) fn cutting(seed: u64, flags: &[&str]) -> Self {
+        let server = Server::start(Ports::free().unwrap(), Transport::Udp).unwrap();
+        let relay = Relay::start(server.zenoh_address(), seed).unwrap();
+        let options = HandleOptions::new(&relay.endpoint()).with(flags);
+        let handle = Handle::start(&options).unwrap();
+        server
+            .client
+            .session_when(DEMO, "a cut", PATIENCE, cuts)
+            .unwrap();
+        Self {
+            server,
+            relay,
+            handle,
+        }
+    }
+
+    fn impair(&mut self, up: &str, down: &str) {
+        self.relay
+            .impair(up.parse().unwrap(), down.parse().unwrap())
+            .unwrap();
+    }
+
+    /// Pauses the session, and gives it once the clay has stopped changing: every cut that was made has come.
+    fn drained(&mut self) -> Session {
+        self.relay
+            .impair(Line::default(), Line::default())
+            .unwrap();
+        let client = &self.server.client;
+        client.patch(DEMO, &json!({"paused": true})).unwrap();
+        self.handle
+            .process
+            .logs("the session is paused", PATIENCE)
+            .unwrap();
+        let mut last = client.let_pass(DEMO, 200).unwrap();
+        loop {
+            let next = client.let_pass(DEMO, 500).unwrap();
+            if next.clay.remaining_units == last.clay.remaining_units {
+                return next;
+            }
+            last = next;
+        }
+    }
+}
+
+/// What the handle's ticks come to in a block of their own.
+struct Replay {
+    clay: Clay,
+    /// Root mean square of felt force less the clay's answer, over the greatest answer.
+    force_nrmse: f64,
+    /// Ticks that cut.
+    ticks: usize,
+}
+
+/// Sweeps a fresh block of the session along the way that the handle wrote down, as long as its copy was there to be cut.
+fn replay(session: &Session, rows: &[Row]) -> Replay {
+    let shape = clay_shape(&session.clay.shape).unwrap();
+    let mut clay = Clay::new(&shape, session.clay.voxel_size_m).unwrap();
+    let tool = Tool::new(tool_shape(&session.tool).unwrap());
+    let material = material(&session.material).unwrap();
+    let home_m = session.tools[0].home_m;
+    let place_m = |row: &Row| {
+        std::array::from_fn(|axis| home_m[axis] + session.position_ratio * row.position_m[axis])
+    };
+    let mut contact = ContactState::default();
+    let (mut squares, mut greatest_n, mut ticks) = (0.0, 0.0_f64, 0);
+    for pair in rows.windows(2) {
+        let is_cutting = matches!(pair[1].copy.as_str(), "live" | "diverged");
+        if !is_cutting || pair[1].contact == "paused" {
+            continue;
+        }
+        let [from_m, to_m]: [[f64; 3]; 2] = [place_m(&pair[0]), place_m(&pair[1])];
+        let velocity: [f64; 3] = std::array::from_fn(|axis| (to_m[axis] - from_m[axis]) / 1e-3);
+        let [from, to] = [from_m, to_m].map(|at_m| Pose::quantise(at_m).unwrap());
+        let motion = Motion::new(from, to, velocity).unwrap();
+        let worked = clay.work(&tool, &material, &motion, &mut contact);
+        let answer_n = worked.response.force_n;
+        // The third axis is lifted and reflects nothing.
+        let error_n = norm([
+            pair[1].felt_force_n[0] - answer_n[0],
+            pair[1].felt_force_n[1] - answer_n[1],
+            0.0,
+        ]);
+        squares += error_n * error_n;
+        greatest_n = greatest_n.max(norm([answer_n[0], answer_n[1], 0.0]));
+        ticks += 1;
+        // What `work` cut is the sweep from place to place; a sweep again changes nothing, as cuts have no order and no count.
+        let again = Sweep {
+            shape: *tool.shape(),
+            from,
+            to,
+        };
+        assert_eq!(clay.carve(&again), 0);
+    }
+    Replay {
+        clay,
+        force_nrmse: (squares / ticks as f64).sqrt() / greatest_n,
+        ticks,
+    }
+}
+
+/// The server's clay is what the hand has cut, to the last bit, and what the hand felt is what that clay answers.
+fn assert_nothing_was_lost(drained: &Session, rows: &[Row]) {
+    let mut replay = replay(drained, rows);
+    println!(
+        "{} ticks, {:.3} cm3, felt force off by {:.4} % (NRMSE)",
+        replay.ticks,
+        replay.clay.removed_volume_m3() * 1e6,
+        100.0 * replay.force_nrmse
+    );
+    assert!(1e-7 < replay.clay.removed_volume_m3(), "hardly anything cut");
+    assert_eq!(replay.clay.remaining_units(), drained.clay.remaining_units);
+    assert_eq!(replay.clay.hash(), drained.clay.hash.0);
+    assert_eq!(drained.tools[0].sweeps_refused, 0);
+    assert!(replay.force_nrmse < 0.01, "{}", replay.force_nrmse);
+    let step_n = greatest_force_step_n(rows);
+    assert!(step_n <= FORCE_STEP_N, "{step_n} N in a tick");
+}
+
+/// The relay did what it was told: a share lost, doubled and overtaken, and the delay that was asked for, to a millisecond and a half.
+fn assert_is_bad(report: &Report, [up_s, down_s]: [f64; 2], loss: f64) {
+    println!("{report:?}");
+    for (done, delay_s) in [(report.up, up_s), (report.down, down_s)] {
+        assert!(1000 < done.came, "{done:?}");
+        let lost = done.lost as f64 / done.came as f64;
+        assert!((lost / loss - 1.0).abs() < 0.25, "{done:?}");
+        assert!(0 < done.doubled && 0 < done.overtaken, "{done:?}");
+        assert!((done.delay_p50_s - delay_s).abs() < 1.5e-3, "{done:?}");
+    }
+}
+
+#[test]
+fn under_the_replica_nothing_is_lost_across_delay_jitter_loss_copies_and_a_clock_that_drifts() {
+    // A crystal of 100 ppm is a bad one.
+    let mut stage = Stage::cutting(11, &["--clock-drift-ppm", "100"]);
+    // The good line before is not to count in the medians: a relay of its own.
+    let before = stage.relay.report().unwrap();
+    stage.impair(
+        "delay_ms=40 jitter_ms=8 loss=0.1 duplicate=0.05 reorder=0.05",
+        "delay_ms=60 jitter_ms=12 loss=0.1 duplicate=0.05 reorder=0.05",
+    );
+    stage.server.client.let_pass(DEMO, 8000).unwrap();
+    let report = stage.relay.report().unwrap().since(&before);
+    assert_is_bad(&report, [0.040, 0.060], 0.1);
+
+    let drained = stage.drained();
+    assert!(stage.handle.process.end().unwrap().success());
+    let rows = stage.handle.ticks().unwrap();
+    assert_nothing_was_lost(&drained, &rows);
+    // Its clock runs fast by a ten-thousandth, which no round trip shows: it needs no common clock.
+    let rtt_s = rtt_quantile_s(&rows, 0.5).unwrap();
+    println!("round trip p50 {:.1} ms", rtt_s * 1e3);
+    assert!((0.095..0.106).contains(&rtt_s), "{rtt_s} s");
+}
+
+#[test]
+fn an_outage_of_five_seconds_while_cutting_is_felt_as_clay_and_leaves_both_sides_with_the_same() {
+    let mut stage = Stage::cutting(12, &[]);
+    stage.impair("delay_ms=20", "delay_ms=20");
+    stage.server.client.let_pass(DEMO, 1000).unwrap();
+    stage.relay.cut().unwrap();
+    stage
+        .handle
+        .process
+        .logs("going on with the copy of the clay", PATIENCE)
+        .unwrap();
+    stage
+        .handle
+        .process
+        .logs("felt and no longer cut", PATIENCE)
+        .unwrap();
+    stage.server.client.let_pass(DEMO, 1).unwrap();
+    let alone = stage.server.client.session(DEMO).unwrap();
+    assert!(!alone.tools[0].connected);
+    let silent_for = stage.server.client.let_pass(DEMO, 3000).unwrap();
+    assert_eq!(
+        silent_for.clay.remaining_units, alone.clay.remaining_units,
+        "the server's tool rests"
+    );
+    stage.relay.mend().unwrap();
+    stage
+        .handle
+        .process
+        .logs("frames come again", PATIENCE)
+        .unwrap();
+    stage.server.client.let_pass(DEMO, 1000).unwrap();
+    let drained = stage.drained();
+    assert!(stage.handle.process.end().unwrap().success());
+    let rows = stage.handle.ticks().unwrap();
+    assert_nothing_was_lost(&drained, &rows);
+    let longest_s = rows.iter().map(|row| row.silence_s).fold(0.0, f64::max);
+    println!("longest silence {longest_s:.2} s");
+    assert!(4.9 < longest_s, "the outage was real: {longest_s} s");
+    assert_eq!(rows[0].lease, rows.last().unwrap().lease, "one lease");
+    let on_copy = rows.iter().filter(|row| row.contact == "on_copy").count();
+    let stale = rows.iter().filter(|row| row.contact == "on_stale_copy");
+    assert!((1700..2100).contains(&on_copy), "{on_copy} ticks on the copy");
+    assert!(2000 < stale.count());
+}
+
+#[test]
+fn a_server_that_is_half_dead_for_a_while_loses_nothing_and_nothing_queued_moves_a_tool() {
+    let mut stage = Stage::cutting(13, &[]);
+    stage.server.process.freeze().unwrap();
+    stage
+        .handle
+        .process
+        .logs("going on with the copy of the clay", PATIENCE)
+        .unwrap();
+    stage
+        .handle
+        .process
+        .logs("felt and no longer cut", PATIENCE)
+        .unwrap();
+    stage.server.process.thaw().unwrap();
+    stage
+        .handle
+        .process
+        .logs("frames come again", PATIENCE)
+        .unwrap();
+    stage.server.client.let_pass(DEMO, 1000).unwrap();
+    let drained = stage.drained();
+    assert!(stage.handle.process.end().unwrap().success());
+    assert_nothing_was_lost(&drained, &stage.handle.ticks().unwrap());
+}
+
+/// Under the schemes without a copy the force is gone a fifth of a second after the line is cut, and comes back without a step.
+#[test]
+fn without_a_copy_a_cut_line_releases_the_hand_and_a_mended_one_brings_the_force_back_gently() {
+    for scheme in ["force_exchange", "wave", "tdpa"] {
+        let mut stage = Stage::cutting(14, &[]);
+        stage
+            .server
+            .client
+            .patch(DEMO, &json!({"scheme": scheme}))
+            .unwrap();
+        stage.server.client.let_pass(DEMO, 1000).unwrap();
+        stage.relay.cut().unwrap();
+        stage
+            .handle
+            .process
+            .logs("force released", PATIENCE)
+            .unwrap();
+        // The server's tool rests: nothing that queued up moves it, now or later.
+        let alone = stage.server.client.let_pass(DEMO, 200).unwrap();
+        let later = stage.server.client.let_pass(DEMO, 200).unwrap();
+        assert_eq!(later.clay.remaining_units, alone.clay.remaining_units);
+        assert_eq!(later.tools[0].position_m, alone.tools[0].position_m);
+        stage.relay.mend().unwrap();
+        stage
+            .handle
+            .process
+            .logs("frames come again", PATIENCE)
+            .unwrap();
+        stage
+            .server
+            .client
+            .session_when(DEMO, "another cut", PATIENCE, |session| {
+                cuts(session) && session.clay.remaining_units < later.clay.remaining_units
+            })
+            .unwrap();
+        assert!(stage.handle.process.end().unwrap().success());
+        let rows = stage.handle.ticks().unwrap();
+        let silent: Vec<&Row> = rows.iter().filter(|row| 0.2 <= row.silence_s).collect();
+        assert!(100 < silent.len(), "{scheme}: {} ticks", silent.len());
+        assert!(
+            silent.iter().all(|row| row.felt_n() == 0.0),
+            "{scheme}: force in the silence"
+        );
+        let step_n = greatest_force_step_n(&rows);
+        println!("{scheme}: at most {step_n:.3} N in a tick");
+        assert!(step_n <= FORCE_STEP_N, "{scheme}: {step_n} N in a tick");
+    }
+}
+
+/// An uneven, jittering, lossy line: the passive schemes stay passive on it, as far as the server can see from the frames that came.
+#[test]
+fn wave_and_tdpa_make_no_energy_on_an_uneven_line() {
+    for scheme in ["wave", "tdpa"] {
+        let mut stage = Stage::cutting(15, &[]);
+        stage
+            .server
+            .client
+            .patch(DEMO, &json!({"scheme": scheme}))
+            .unwrap();
+        stage.server.client.let_pass(DEMO, 300).unwrap();
+        let before = stage.relay.report().unwrap();
+        stage.impair(
+            "delay_ms=15 jitter_ms=3 loss=0.1 duplicate=0.05 reorder=0.05",
+            "delay_ms=45 jitter_ms=9 loss=0.1 duplicate=0.05 reorder=0.05",
+        );
+        let began = stage.server.client.session(DEMO).unwrap();
+        stage.server.client.let_pass(DEMO, 6000).unwrap();
+        let report = stage.relay.report().unwrap().since(&before);
+        assert_is_bad(&report, [0.015, 0.045], 0.1);
+        let ended = stage.server.client.session(DEMO).unwrap();
+        assert!(ended.clay.remaining_units < began.clay.remaining_units);
+        assert!(stage.handle.process.end().unwrap().success());
+        let rows = stage.handle.ticks().unwrap();
+        let step_n = greatest_force_step_n(&rows);
+        assert!(step_n <= FORCE_STEP_N, "{scheme}: {step_n} N in a tick");
+        let put_in_j = ended.control_loop.energy_j - began.control_loop.energy_j;
+        println!("{scheme}: {:.1} mJ went into the link and stayed", put_in_j * 1e3);
+        assert!(0.0 < put_in_j, "{scheme}: {put_in_j} J");
+    }
+}
