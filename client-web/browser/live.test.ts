@@ -1,44 +1,39 @@
 // The Live page against the real server and a real handle, in a real browser.
 
 import { readFileSync } from "node:fs";
-import type { Browser } from "playwright-core";
-import { afterAll, beforeAll, describe, expect, it, onTestFailed } from "vitest";
-import { Teleclay } from "./processes";
+import { beforeAll, describe, expect, it } from "vitest";
+import type { ToolShape } from "../src/protocol/session";
+import { benchAt } from "./bench";
+import type { Teleclay } from "./processes";
 import { until } from "./until";
-import { launch, VIEWPORT, WatchedPage } from "./watched_page";
+import type { WatchedPage } from "./watched_page";
 
 /** Share of the picture that a cut has to change before it counts as seen. */
 const SEEN = 0.004;
+const CM3 = 1e6;
+/** A loaded machine's own round trip stays below this, ms. */
+const SHORT_MS = 50;
+/** What the test asks the conditioner for, there and back, ms. */
+const LONG_MS = 160;
 
+const opened = benchAt("#/live?picture=plain", []);
 let teleclay: Teleclay;
-let browser: Browser | undefined;
 let live: WatchedPage;
-
-beforeAll(async () => {
-  teleclay = await Teleclay.onFreePorts();
-  await teleclay.startServer();
-  teleclay.startHandle();
-  browser = await launch();
-  live = await WatchedPage.open(browser, `${teleclay.url}/#/live?picture=plain`);
-});
-
-afterAll(async () => {
-  await browser?.close();
-  await teleclay.end();
+beforeAll(() => {
+  ({ teleclay, page: live } = opened());
 });
 
 describe("the Live page", () => {
   it("shows a session that runs and clay that is being removed", async () => {
-    explain();
     await until("the session runs", async () => (await live.text("state")) === "running");
-    const before = await until("clay is being removed", async () => (await live.number("removed")) || undefined, 60);
-    await until("more clay is removed", async () => before < (await live.number("removed")), 60);
+    const before = await until("clay is being removed", async () => (await live.number("removed")) || undefined);
+    // More than the tool's own room by far: what is gone was cut.
+    await until("more clay is removed", async () => 4 + before < (await live.number("removed")));
     expect(await live.page.title()).toBe("running · demo · teleclay");
     await until("the picture is drawn", async () => 0 < Number(await live.page.getByTestId("drawn").getAttribute("data-triangles")));
   });
 
   it("plots what happens", async () => {
-    explain();
     for (const plot of ["force", "position", "velocity"]) {
       const canvas = live.page.getByTestId(`plot-${plot}`).locator("canvas");
       const before = await canvas.screenshot();
@@ -49,7 +44,6 @@ describe("the Live page", () => {
   });
 
   it("pauses: the tool stops, and says so", async () => {
-    explain();
     await pause();
     const [first, second] = [await atRest(), await atRest()];
     expect(second.tools[0].position_m).toEqual(first.tools[0].position_m);
@@ -60,18 +54,23 @@ describe("the Live page", () => {
   });
 
   it("changes the clay's picture where it is cut, and gives the whole block back on a fresh one", async () => {
-    explain();
     // The tool rests all the while: what differs is clay.
     const cut = await live.pictureAtRest();
+    const before = (await teleclay.session()).clay;
     await live.page.getByTestId("fresh-block").click();
-    await until("the volume is back", async () => (await live.number("removed")) === 0);
-    const session = await teleclay.session();
-    expect(session.clay.remaining_units).toBe(session.clay.initial_units);
+    const { clay, tool } = await until("the block is a fresh one", async () => {
+      const now = await teleclay.session();
+      return before.epoch < now.clay.epoch ? now : undefined;
+    });
+    // Where the tool stands in the clay there is none.
+    expect(clay.removed_volume_m3).toBeLessThanOrEqual(volumeOf(tool));
+    expect(clay.remaining_units + clay.removed_units).toBe(clay.initial_units);
+    await until("the page says so", async () => Math.abs((await live.number("removed")) - CM3 * clay.removed_volume_m3) < 0.006);
     await until("the cut is gone from the picture", async () => SEEN < (await live.share(cut, await live.picture())));
     const whole = await live.pictureAtRest();
 
     await resume();
-    await until("clay is removed again", async () => 0.3 < (await live.number("removed")), 90);
+    await until("clay is removed again", async () => 1 + CM3 * clay.removed_volume_m3 < (await live.number("removed")));
     await pause();
     const again = await live.pictureAtRest();
     expect(await live.share(whole, again)).toBeGreaterThan(SEEN);
@@ -79,20 +78,18 @@ describe("the Live page", () => {
   });
 
   it("changes the delay, and the round trip follows", async () => {
-    explain();
-    const before_ms = await live.milliseconds("rtt-p50");
-    expect(before_ms).toBeLessThan(20);
-    await live.set("/network/up/delay_s", "40");
-    await until("the round trip is 80 ms longer", async () => 80 < (await live.milliseconds("rtt-p50")));
+    // However loaded the machine: what is asked for is far above what it adds by itself, and comes on top of that.
+    await until("the round trip is short", async () => within(await live.milliseconds("rtt-p50"), 0, SHORT_MS));
+    await live.set("/network/up/delay_s", String(LONG_MS / 2));
+    await until("the round trip is as long as asked for", async () => within(await live.milliseconds("rtt-p50"), LONG_MS, LONG_MS + SHORT_MS));
     const { up, down } = (await teleclay.session()).network;
-    expect([up.delay_s, down.delay_s]).toEqual([0.04, 0.04]);
+    expect([up.delay_s, down.delay_s]).toEqual([LONG_MS / 2000, LONG_MS / 2000]);
     await live.keep("delayed");
     await live.set("/network/up/delay_s", "0");
-    await until("the round trip is short again", async () => (await live.milliseconds("rtt-p50")) < 20);
+    await until("the round trip is short again", async () => within(await live.milliseconds("rtt-p50"), 0, SHORT_MS));
   });
 
   it("shows a refusal beside its field, and the server's own value", async () => {
-    explain();
     await live.set("/network/up/delay_s", "5000");
     const field = live.page.getByTestId("/network/up/delay_s");
     await until("the refusal is shown", async () => (await field.getByRole("alert").count()) === 1);
@@ -102,45 +99,36 @@ describe("the Live page", () => {
     // The browser logs the answer's status by itself.
     live.forgive("status of 422");
     await live.set("/network/up/delay_s", "wide");
-    expect(await field.getByRole("alert").innerText()).toContain("not a number");
+    await until("nonsense is refused", async () => (await field.getByRole("alert").innerText()).includes("not a number"));
     await live.set("/network/up/delay_s", "1");
     await until("the refusal goes", async () => (await field.getByRole("alert").count()) === 0);
     await live.set("/network/up/delay_s", "0");
   });
 
-  it("offers every scheme: the loop takes it, or the page says in the server's words why not", async () => {
-    explain();
+  it("offers every scheme, and the running loop takes each", async () => {
     const choice = live.page.getByTestId("/scheme");
     const schemes = await choice.getByRole("radio").evaluateAll((inputs) =>
       inputs.map((input) => (input instanceof HTMLInputElement ? input.value : "")));
     expect(schemes).toEqual(["force_exchange", "position_force", "wave", "tdpa", "replica"]);
-    let taken = 0;
-    for (const scheme of schemes) {
+    const { scheme: first } = await teleclay.session();
+    expect(await choice.locator("input:checked").inputValue()).toBe(first);
+    // The first one last: the loop comes back to where it was.
+    for (const scheme of [...schemes.filter((name) => name !== first), first]) {
       await choice.locator(`input[value=${scheme}]`).click();
-      const edit = await until(`${scheme} is answered`, async () => {
-        const now = await choice.getAttribute("data-edit");
-        return now === "settled" || now === "refused" ? now : undefined;
-      });
-      if (edit === "settled") {
-        taken += 1;
-        expect((await teleclay.session()).scheme).toBe(scheme);
-        expect(await choice.getByRole("alert").count()).toBe(0);
-      } else expect(await choice.getByRole("alert").innerText()).toBe(await teleclay.refusalOfScheme(scheme));
+      await until(`the session runs ${scheme}`, async () => (await teleclay.session()).scheme === scheme);
+      await until(`the page shows ${scheme} as settled`, async () =>
+        (await choice.getAttribute("data-edit")) === "settled" && (await choice.locator("input:checked").inputValue()) === scheme);
+      expect(await choice.getByRole("alert").count()).toBe(0);
+      expect((await teleclay.session()).fault).toBeNull();
     }
-    expect(taken).toBeGreaterThan(0);
-    await choice.locator("input[value=force_exchange]").click();
-    await until("the scheme is the first again", async () => (await teleclay.session()).scheme === "force_exchange");
-    live.forgive("status of 422");
   });
 
   it("changes the material on the running loop", async () => {
-    explain();
     await live.set("/material/viscosity_pa_s_per_m", "123");
     await until("the clay is another", async () => (await teleclay.session()).material.viscosity_pa_s_per_m === 123_000);
   });
 
   it("hands out the clay as STL", async () => {
-    explain();
     const downloading = live.page.waitForEvent("download");
     await live.page.getByTestId("stl").click();
     const stl = readFileSync(await (await downloading).path());
@@ -150,8 +138,7 @@ describe("the Live page", () => {
   });
 
   it("says when nobody holds the handle, and when somebody does again", async () => {
-    explain();
-    await teleclay.killHandle();
+    await teleclay.killHandles();
     await until("it says that nobody is connected", async () =>
       (await live.page.getByTestId("situation").count()) === 1 && (await live.text("situation")).includes("No operator"));
     await live.keep("no-operator");
@@ -160,7 +147,6 @@ describe("the Live page", () => {
   });
 
   it("says when the server is away, and comes back by itself", async () => {
-    explain();
     live.serverIsAway = true;
     await teleclay.killServer();
     await until("the banner is there", async () =>
@@ -172,27 +158,14 @@ describe("the Live page", () => {
     await teleclay.startServer();
     await until("the banner is gone", async () => (await live.page.getByTestId("banner").count()) === 0);
     live.serverIsAway = false;
-    await until("the session runs again", async () => (await live.text("state")) === "running", 60);
+    await until("the session runs again", async () => (await live.text("state")) === "running");
     const before = await live.number("removed");
-    await until("clay is removed again", async () => before < (await live.number("removed")), 60);
+    await until("clay is removed again", async () => before < (await live.number("removed")));
   });
 
-  it("fits a telephone, and both themes are readable", async () => {
-    explain();
-    await live.page.setViewportSize({ width: 390, height: 844 });
-    expect(await live.page.evaluate(() => document.documentElement.scrollWidth)).toBe(390);
-    await live.keep("telephone");
-    await live.page.setViewportSize(VIEWPORT);
-    const theme = live.page.getByRole("button", { name: /Theme/ });
-    for (const wanted of ["light", "dark"]) {
-      await until(`the theme is ${wanted}`, async () => {
-        if ((await theme.getAttribute("title")) === `theme: ${wanted}`) return true;
-        await theme.click();
-        return undefined;
-      });
-      expect(await live.page.evaluate(() => document.documentElement.dataset["theme"])).toBe(wanted);
-      await live.keep(wanted);
-    }
+  it("fits desk and telephone, light and dark", async () => {
+    expect(await live.fit("live")).toEqual([]);
+    expect(await live.page.evaluate(() => document.documentElement.dataset["theme"])).toBe("light");
   });
 
   it("gives the browser nothing to complain about", () => {
@@ -200,11 +173,13 @@ describe("the Live page", () => {
   });
 });
 
-/** What the programs said, where a test fails. */
-function explain(): void {
-  onTestFailed(() => {
-    process.stderr.write(`${teleclay.said}\n${live.complaints.join("\n")}\n`);
-  });
+function volumeOf(tool: ToolShape): number {
+  return tool.kind === "ball" ? (4 / 3) * Math.PI * tool.radius_m ** 3 : tool.width_m * tool.height_m * tool.thickness_m;
+}
+
+/** The value, where it lies between the two. */
+function within(value: number, least: number, greatest: number): boolean {
+  return least <= value && value <= greatest;
 }
 
 async function pause(): Promise<void> {

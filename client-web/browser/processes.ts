@@ -1,11 +1,11 @@
 // The real server and the real handle, as processes of their own on ports of their own.
 
 import { type ChildProcess, spawn } from "node:child_process";
-import { mkdtempSync, rmSync } from "node:fs";
+import { existsSync, mkdtempSync, rmSync } from "node:fs";
 import { createServer } from "node:net";
 import { tmpdir } from "node:os";
 import { join, resolve } from "node:path";
-import { decodeProblem, decodeSession } from "../src/protocol/text";
+import { decodeSession } from "../src/protocol/text";
 import type { Session } from "../src/protocol/session";
 import { until } from "./until";
 
@@ -46,6 +46,10 @@ class Program {
     return `${this.#name} said:\n${this.#lines.join("\n")}`;
   }
 
+  get ended(): Promise<void> {
+    return this.#ended;
+  }
+
   async kill(): Promise<void> {
     if (this.isRunning) this.#child.kill("SIGKILL");
     await this.#ended;
@@ -64,7 +68,7 @@ export class Teleclay {
   readonly #zenoh: string;
   readonly #data = mkdtempSync(join(tmpdir(), "teleclay-browser-"));
   #server: Program | undefined;
-  #handle: Program | undefined;
+  readonly #handles: Program[] = [];
 
   private constructor(http: number, zenoh: number) {
     this.#listen = `127.0.0.1:${http}`;
@@ -88,42 +92,53 @@ export class Teleclay {
     });
   }
 
-  startHandle(): void {
-    this.#handle = new Program("teleclay-handle", ["--connect", this.#zenoh, "--session", SESSION, "--device", "simulated", "--intent", "cutting"]);
+  /** A simulated hand that cuts in the demo session, or whatever `wish` says. Several may hold on at once, each to its own tool. */
+  startHandle(...wish: readonly string[]): void {
+    const parameters = wish.length === 0 ? ["--session", SESSION, "--intent", "cutting"] : wish;
+    this.#handles.push(new Program("teleclay-handle", ["--connect", this.#zenoh, "--device", "simulated", ...parameters]));
   }
 
   async killServer(): Promise<void> {
     await this.#server?.kill();
   }
 
-  async killHandle(): Promise<void> {
-    await this.#handle?.kill();
+  async killHandles(): Promise<void> {
+    await Promise.all(this.#handles.splice(0).map((handle) => handle.kill()));
   }
 
-  async session(): Promise<Session> {
-    return decodeSession(await (await fetch(`${this.url}/api/v1/sessions/${SESSION}`)).text());
-  }
-
-  /** What the server says against a scheme, in its own words; nothing when it takes it. */
-  async refusalOfScheme(scheme: string): Promise<string | undefined> {
-    const answer = await fetch(`${this.url}/api/v1/sessions/${SESSION}`, {
-      method: "PATCH",
-      headers: { "content-type": "application/json" },
-      body: JSON.stringify({ scheme }),
+  /** A call of the theory, asked by the test itself: the answer as it comes. */
+  async ask(path: string, question: unknown): Promise<string> {
+    const answer = await fetch(`${this.url}/api/v1/${path}`, {
+      method: "POST", headers: { "content-type": "application/json" }, body: JSON.stringify(question),
     });
-    return answer.ok ? undefined : decodeProblem(await answer.text())?.detail;
+    const text = await answer.text();
+    if (!answer.ok) throw new Error(`${path} answered ${answer.status}: ${text}`);
+    return text;
+  }
+
+  async session(name = SESSION): Promise<Session> {
+    return decodeSession(await (await fetch(`${this.url}/api/v1/sessions/${name}`)).text());
   }
 
   /** Everything ends; nothing is left behind. */
   async end(): Promise<void> {
-    await this.killHandle();
+    await this.killHandles();
     await this.killServer();
     rmSync(this.#data, { recursive: true, force: true });
   }
 
   get said(): string {
-    return [this.#server?.said, this.#handle?.said].join("\n");
+    return [this.#server?.said, ...this.#handles.map(({ said }) => said)].join("\n");
   }
+}
+
+/** A table of the latency program's quick kind, made anew: the path of its file. */
+export async function makeLatencyTable(): Promise<string> {
+  const file = join(mkdtempSync(join(tmpdir(), "teleclay-latency-")), "latency.json");
+  const program = new Program("teleclay-latency", ["--quick", "--json", file]);
+  await program.ended;
+  if (!existsSync(file)) throw new Error(program.said);
+  return file;
 }
 
 /** The programs take settings from the environment: what is meant for the tests must not reach them. */

@@ -7,7 +7,7 @@ const LOOK_EVERY_MS = 40;
 export async function until<T>(
   what: string,
   look: () => Promise<T | undefined | false> | T | undefined | false,
-  deadline_s = 30,
+  deadline_s = 90,
 ): Promise<T> {
   const end_ms = performance.now() + deadline_s * 1000;
   let last: unknown;

@@ -143,4 +143,11 @@ export type Session = v.InferOutput<typeof sessionSchema>;
 export type Problem = v.InferOutput<typeof problemSchema>;
 export type SessionPatch = v.InferOutput<typeof patchSchema>;
 export type ClayReset = v.InferOutput<typeof clayResetSchema>;
+
+/** What a session is made of, as far as this page makes any. */
+export interface NewSession {
+  readonly id: string;
+  readonly tool?: ToolShape;
+  readonly clay?: { readonly shape: ClayShape };
+}
 export type Vector = readonly [number, number, number];

@@ -1,7 +1,7 @@
 // Requests that change something. An answer is the server's new state, a problem it explains, or silence.
 
 import { decodeProblem, decodeSession } from "../protocol/text";
-import type { ClayReset, Problem, Session, SessionPatch } from "../protocol/session";
+import type { ClayReset, NewSession, Problem, Session, SessionPatch } from "../protocol/session";
 import { API } from "./connection";
 import type { Platform } from "./platform";
 
@@ -25,8 +25,9 @@ export class Api {
     return this.#ask("POST", `${this.path(session)}/clay/reset`, fresh);
   }
 
-  create(session: string): Promise<Outcome> {
-    return this.#ask("POST", `${API}/sessions`, { id: session });
+  /** Whatever is left out of the session has its default. */
+  create(session: NewSession): Promise<Outcome> {
+    return this.#ask("POST", `${API}/sessions`, session);
   }
 
   stlPath(session: string): string {

@@ -84,7 +84,7 @@ function LinkBadge(): JSX.Element {
   return (
     <span class="badge link" data-phase={name} title={title} data-testid="link">
       <i class="dot" aria-hidden="true" />
-      {text}
+      <span class="words">{text}</span>
     </span>
   );
 }
@@ -132,7 +132,7 @@ function Banner(): JSX.Element | null {
 }
 
 async function createDemo(): Promise<void> {
-  const outcome = await live.api.create("demo");
+  const outcome = await live.api.create({ id: "demo" });
   if (outcome.kind === "problem") live.report("error", outcome.problem.detail);
   live.connection.retryNow();
 }

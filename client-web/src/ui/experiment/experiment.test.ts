@@ -37,7 +37,7 @@ describe("the cutting experiment", () => {
 
   it("draws the theory as levels that nothing joins, over the measurement", () => {
     const now = request.value;
-    const { lines, marks } = fig7(now, now, ANSWER, undefined);
+    const { lines, marks } = fig7(now, now, ANSWER);
     expect(lines.map(({ colour }) => colour)).toEqual(["--tool", "--text"]);
     expect(lines[1].x.filter((_, n) => Number.isFinite(lines[1].y[n]))).toEqual([3, 6, 6, 9, 9, 12]);
     expect(marks?.map(({ text }) => text)).toEqual(["6.66 cm/s", "4.00 cm/s", "2.86 cm/s"]);

@@ -33,6 +33,10 @@ export const MOST_RANGES = 8;
 
 export const settings = signal<Settings>(PAPER);
 
+/** What the figure shows: a run of its own, or the session on show as it runs. */
+export type Source = "run" | "live";
+export const source = signal<Source>("run");
+
 export function change(changes: Partial<Settings>): void {
   settings.value = { ...settings.value, ...changes };
 }

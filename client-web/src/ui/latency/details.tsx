@@ -4,14 +4,15 @@ import type { JSX } from "preact";
 import type { LatencyCell } from "../../protocol/latency";
 import { fixed, significant } from "../format";
 import { schemeName } from "../scheme_words";
+import { cellName } from "./grid";
 import { MEASURES } from "./measures";
 
 export function Details({ cell }: { cell: LatencyCell | undefined }): JSX.Element {
   return (
-    <section class="panel details" aria-label="One cell" aria-live="polite" data-testid="details">
+    <section class="panel details" aria-label="One cell" aria-live="polite" data-testid="details" data-cell={cell === undefined ? undefined : cellName(cell)}>
       <header><h2>{cell === undefined ? "One cell" : `${schemeName(cell.scheme)}, ${1000 * cell.one_way_delay_s} ms one way, ${100 * cell.loss} % loss`}</h2></header>
       {cell === undefined
-        ? <p class="faint note">Choose a cell to read all of it.</p>
+        ? <p class="faint note">Point at a cell to read all of it; a click keeps it.</p>
         : (
           <dl>
             <div><dt>runs</dt><dd data-grade={cell.stable ? "good" : "bad"}>{cell.stable ? "stable" : stableShare(cell)}<small> {cell.seeds} {cell.seeds === 1 ? "seed" : "seeds"}</small></dd></div>

@@ -32,6 +32,11 @@ export function layOut(table: LatencyTable, slice: Slice): Layout {
   return { delays_s, losses, grids };
 }
 
+/** What tells a cell from the others of its layout. */
+export function cellName({ scheme, one_way_delay_s, loss }: LatencyCell): string {
+  return `${scheme} ${one_way_delay_s} ${loss}`;
+}
+
 export function jittersOf(table: LatencyTable, profile: Profile): number[] {
   return ascending(table.cells.filter((cell) => cell.profile === profile).map((cell) => cell.jitter_ratio));
 }

@@ -4,7 +4,7 @@ import type { JSX } from "preact";
 import type { LatencyCell } from "../../protocol/latency";
 import { SCHEMES } from "../../protocol/session";
 import { SCHEME_WORDS, schemeName } from "../scheme_words";
-import type { SchemeGrid } from "./grid";
+import { cellName, type SchemeGrid } from "./grid";
 import { badness, type Measure, shortText } from "./measures";
 
 interface HeatmapProps {
@@ -14,9 +14,11 @@ interface HeatmapProps {
   readonly measure: Measure;
   readonly chosen: LatencyCell | undefined;
   readonly onChoose: (cell: LatencyCell) => void;
+  /** The mouse is over a cell, or has left it. */
+  readonly onPoint: (cell: LatencyCell | undefined) => void;
 }
 
-export function Heatmap({ grid: { scheme, rows }, delays_s, losses, measure, chosen, onChoose }: HeatmapProps): JSX.Element {
+export function Heatmap({ grid: { scheme, rows }, delays_s, losses, measure, chosen, onChoose, onPoint }: HeatmapProps): JSX.Element {
   const known = SCHEMES.find((name) => name === scheme);
   return (
     <section class="panel heatmap" aria-label={schemeName(scheme)} data-testid={`map-${scheme}`}>
@@ -39,9 +41,14 @@ export function Heatmap({ grid: { scheme, rows }, delays_s, losses, measure, cho
                       type="button"
                       style={{ backgroundColor: colourOf(badness(measure, cell)) }}
                       data-stable={cell.stable}
+                      data-cell={cellName(cell)}
                       aria-pressed={cell === chosen}
                       aria-label={labelOf(scheme, cell, measure)}
                       onClick={() => onChoose(cell)}
+                      onPointerEnter={() => onPoint(cell)}
+                      onPointerLeave={() => onPoint(undefined)}
+                      onFocus={() => onPoint(cell)}
+                      onBlur={() => onPoint(undefined)}
                     >
                       {cell.stable ? shortText(measure.value(cell)) : `✕ ${shortText(measure.value(cell))}`}
                     </button>

@@ -89,6 +89,7 @@ function Table({ table, origin, onFiles }: TableProps): JSX.Element {
   const key = useSignal(MEASURES[0].key);
   const wanted = useSignal<Slice | undefined>(undefined);
   const chosen = useSignal<LatencyCell | undefined>(undefined);
+  const pointed = useSignal<LatencyCell | undefined>(undefined);
   const measure = useComputed(() => MEASURES.find((each) => each.key === key.value) ?? MEASURES[0]);
   const profiles = profilesOf(table);
   const profile = wanted.value !== undefined && profiles.includes(wanted.value.profile) ? wanted.value.profile : profiles[0];
@@ -126,7 +127,7 @@ function Table({ table, origin, onFiles }: TableProps): JSX.Element {
           />
         </span>
         <span class="spacer" />
-        <span class="faint">{origin}{seeds === undefined ? "" : `, ${seeds} ${seeds === 1 ? "seed" : "seeds"} a cell`}</span>
+        <span class="faint" data-testid="origin">{origin}{seeds === undefined ? "" : `, ${seeds} ${seeds === 1 ? "seed" : "seeds"} a cell`}</span>
         <FileChoice onFiles={onFiles} />
         <p class="says">
           {measure.value.name}, {measure.value.unit}: {measure.value.says}.
@@ -144,9 +145,10 @@ function Table({ table, origin, onFiles }: TableProps): JSX.Element {
             measure={measure.value}
             chosen={chosen.value}
             onChoose={(cell) => { chosen.value = cell; }}
+            onPoint={(cell) => { pointed.value = cell; }}
           />
         ))}
-        <Details cell={chosen.value} />
+        <Details cell={pointed.value ?? chosen.value} />
         <WallTable rows={table.wall} />
       </div>
     </>

@@ -92,7 +92,7 @@ export function bodePhase(name: LoopName, curve: Curve, at_rad_s: number | undef
   const { omega_rad_s } = curve;
   const phase_deg = unwrapped(curve);
   const marks: Mark[] = crossovers(curve).map(({ omega_rad_s: omega, direction }) => {
-    const phase = phase_deg[indexAt(omega_rad_s, omega)];
+    const phase = between(omega_rad_s, phase_deg, omega);
     const dot = { x: omega, y: phase, colour, shape: "dot" } as const;
     // Where the gain rises through 1 again, a lag is no margin.
     if (direction === "rises") return dot;
@@ -150,6 +150,14 @@ function nearestToMinusOne({ omega_rad_s, re, im }: Curve): number {
     if (distance < least) [nearest, least] = [omega, distance];
   });
   return nearest;
+}
+
+/** The value at a frequency between two samples, along the logarithm of frequency. */
+function between(omegas_rad_s: readonly number[], values: readonly number[], at_rad_s: number): number {
+  const after = Math.min(Math.max(omegas_rad_s.findIndex((omega) => at_rad_s <= omega), 1), omegas_rad_s.length - 1);
+  const [a, b] = [Math.log(omegas_rad_s[after - 1]), Math.log(omegas_rad_s[after])];
+  const share = (Math.log(at_rad_s) - a) / (b - a);
+  return values[after - 1] + share * (values[after] - values[after - 1]);
 }
 
 /** The place of the frequency next to a wanted one. */
