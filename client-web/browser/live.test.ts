@@ -3,7 +3,7 @@
 import { readFileSync } from "node:fs";
 import { beforeAll, describe, expect, it } from "vitest";
 import type { ToolShape } from "../src/protocol/session";
-import { benchAt } from "./bench";
+import { benchAt, numberIn } from "./bench";
 import type { Teleclay } from "./processes";
 import { until } from "./until";
 import type { WatchedPage } from "./watched_page";
@@ -39,6 +39,14 @@ describe("the Live page", () => {
       const before = await canvas.screenshot();
       await until(`the ${plot} plot moves`, async () => 0.001 < (await live.share(before, await canvas.screenshot())));
     }
+    await live.choose("plots", "link");
+    for (const plot of ["energy", "hidden", "round-trip"]) {
+      const canvas = live.page.getByTestId(`plot-${plot}`).locator("canvas");
+      const before = await canvas.screenshot();
+      await until(`the ${plot} plot moves`, async () => 0.0005 < (await live.share(before, await canvas.screenshot())));
+    }
+    await live.keep("link");
+    await live.choose("plots", "motion");
     await live.page.getByRole("radio", { name: "y", exact: true }).check({ force: true });
     await live.page.getByRole("radio", { name: "x", exact: true }).check({ force: true });
   });
@@ -58,12 +66,11 @@ describe("the Live page", () => {
     const cut = await live.pictureAtRest();
     const before = (await teleclay.session()).clay;
     await live.page.getByTestId("fresh-block").click();
-    const { clay, tool } = await until("the block is a fresh one", async () => {
-      const now = await teleclay.session();
-      return before.epoch < now.clay.epoch ? now : undefined;
-    });
     // Where the tool stands in the clay there is none.
-    expect(clay.removed_volume_m3).toBeLessThanOrEqual(volumeOf(tool));
+    const { clay } = await until("the block is a fresh and whole one", async () => {
+      const now = await teleclay.session();
+      return before.epoch < now.clay.epoch && now.clay.removed_volume_m3 <= volumeOf(now.tool) ? now : undefined;
+    });
     expect(clay.remaining_units + clay.removed_units).toBe(clay.initial_units);
     await until("the page says so", async () => Math.abs((await live.number("removed")) - CM3 * clay.removed_volume_m3) < 0.006);
     await until("the cut is gone from the picture", async () => SEEN < (await live.share(cut, await live.picture())));
@@ -128,6 +135,41 @@ describe("the Live page", () => {
     await until("the clay is another", async () => (await teleclay.session()).material.viscosity_pa_s_per_m === 123_000);
   });
 
+  it("shows what the hand's copy of the clay does, where the scheme has one", async () => {
+    const { scheme: before } = await teleclay.session();
+    await live.choose("/scheme", "replica");
+    await until("the copy is live", async () => (await live.page.getByTestId("copy").getAttribute("data-copy")) === "live");
+    expect((await teleclay.session()).tools[0].copy).toBe("live");
+    // Alone in the clay, with a line that loses nothing, a copy hides nothing for long.
+    await until("nothing is hidden", async () => (await live.number("hidden-force")) < 0.02);
+    await live.choose("/scheme", "force_exchange");
+    await until("there is no copy any more", async () => (await live.page.getByTestId("copy").count()) === 0);
+    expect(await live.page.getByTestId("hidden-force").count()).toBe(0);
+    await live.choose("/scheme", before);
+    await until("the scheme is as before", async () => (await teleclay.session()).scheme === before);
+  });
+
+  it("tells the story in three steps: crisp, shaken by delay, calm with the replica on the same line", async () => {
+    const { scheme, material, network } = await teleclay.session();
+    await live.page.getByTestId("story").locator("summary").click();
+    for (const [step, want, delay_s] of [["crisp", "position_force", 0], ["late", "position_force", 0.15], ["replica", "replica", 0.15]] as const) {
+      await live.page.getByTestId(`step-${step}`).click();
+      await until(`the session is at ${step}`, async () => {
+        const now = await teleclay.session();
+        return now.scheme === want && now.network.up.delay_s === delay_s && now.network.down.delay_s === delay_s;
+      });
+      await until(`${step} is measured`, async () => Number.isFinite(await shaking(step)));
+      await live.keep(`story-${step}`);
+    }
+    expect(await shaking("late")).toBeGreaterThan(1.5 * (await shaking("replica")));
+    await live.page.getByTestId("story-back").click();
+    await until("all is as it was", async () => {
+      const now = await teleclay.session();
+      return now.scheme === scheme && now.material.viscosity_pa_s_per_m === material.viscosity_pa_s_per_m && now.network.up.delay_s === network.up.delay_s;
+    });
+    await live.page.getByTestId("story").locator("summary").click();
+  });
+
   it("hands out the clay as STL", async () => {
     const downloading = live.page.waitForEvent("download");
     await live.page.getByTestId("stl").click();
@@ -180,6 +222,12 @@ function volumeOf(tool: ToolShape): number {
 /** The value, where it lies between the two. */
 function within(value: number, least: number, greatest: number): boolean {
   return least <= value && value <= greatest;
+}
+
+/** How far the hand's velocity swings in a step of the story, mm/s, as the page has measured it. */
+async function shaking(step: string): Promise<number> {
+  const row = live.page.getByTestId(`outcome-${step}`);
+  return (await row.count()) === 0 ? Number.NaN : numberIn(await row.locator("td").nth(1).innerText());
 }
 
 async function pause(): Promise<void> {

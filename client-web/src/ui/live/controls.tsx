@@ -8,12 +8,14 @@ import { live } from "../store";
 import { MaterialControls } from "./material_controls";
 import { NetworkControls } from "./network_controls";
 import { SchemeControls } from "./scheme_controls";
+import { Story } from "./story";
 
 export function Controls(): JSX.Element {
   return (
     <fieldset class="panel controls" disabled={!live.isCurrent.value || live.session.value === undefined} aria-label="Controls">
       <RunControls />
       <ToolChoice />
+      <Story />
       <SchemeControls />
       <NetworkControls />
       <MaterialControls />

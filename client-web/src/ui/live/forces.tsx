@@ -1,6 +1,6 @@
 // What the hand feels, beside what the clay does to the tool: on a good connection the same.
 
-import { useSignal } from "@preact/signals";
+import { useComputed, useSignal } from "@preact/signals";
 import type { JSX } from "preact";
 import { Channel } from "../../protocol/telemetry";
 import { fixed } from "../format";
@@ -29,6 +29,11 @@ export function Forces(): JSX.Element {
     last_ms.value = now_ms;
     reading.value = live.history.isEmpty ? undefined : read();
   });
+  /** Only a copy of the clay can hide a force. */
+  const hidden_n = useComputed(() => {
+    const hidden = live.session.value?.scheme === "replica" ? live.tool.value?.hidden_force_n : undefined;
+    return hidden === undefined ? undefined : length(hidden);
+  });
   const { hand_n, felt_n, tool_n, apart_n } = reading.value ?? {};
   const share = tool_n !== undefined && apart_n !== undefined && LEAST_N < tool_n ? (100 * apart_n) / tool_n : undefined;
   return (
@@ -36,10 +41,19 @@ export function Forces(): JSX.Element {
       <div class="hand"><dt>hand</dt><dd data-testid="hand-force">{fixed(hand_n, 2)}<small> N</small></dd></div>
       <div class="felt"><dt>felt</dt><dd data-testid="felt-force">{fixed(felt_n, 2)}<small> N</small></dd></div>
       <div class="tool"><dt>on the tool</dt><dd data-testid="tool-force">{fixed(tool_n, 2)}<small> N</small></dd></div>
-      <div class="apart" title="felt less the force on the tool, as vectors; in per cent of the latter">
-        <dt>apart</dt>
-        <dd>{fixed(apart_n, 2)}<small> N{share === undefined ? "" : ` · ${fixed(share, 0)} %`}</small></dd>
-      </div>
+      {hidden_n.value === undefined
+        ? (
+          <div class="apart" title="felt less the force on the tool, as vectors; in per cent of the latter">
+            <dt>apart</dt>
+            <dd>{fixed(apart_n, 2)}<small> N{share === undefined ? "" : ` · ${fixed(share, 0)} %`}</small></dd>
+          </div>
+        )
+        : (
+          <div class="apart" title="felt force less what the server's own clay would have answered to the same motion, at the same time">
+            <dt>hidden by the copy</dt>
+            <dd data-testid="hidden-force">{fixed(hidden_n.value, 2)}<small> N</small></dd>
+          </div>
+        )}
     </dl>
   );
 }

@@ -73,13 +73,13 @@ export const PLOT_SETS: Record<PlotSet, readonly PlotSpec[]> = {
   ],
   link: [
     {
-      name: "energy", title: "Energy into the link", unit: "mJ", places: 2, least: 0.5,
-      says: "at the handle's port, at the tool's port, and both together: below zero together, the link has made energy",
+      name: "energy", title: "Link energy", unit: "mJ", places: 2, least: 0.5,
+      says: "into the link at the handle's port, at the tool's port, and both together: below zero together, the link has made energy",
       curves: [
         { label: "handle", colour: "--hand", terms: () => [{ channel: Channel.energy_handle_j, factor: MJ }] },
         { label: "tool", colour: "--tool", terms: () => [{ channel: Channel.energy_tool_j, factor: MJ }] },
         {
-          label: "together", colour: "--text", width: 2,
+          label: "both", colour: "--text", width: 2,
           terms: () => [{ channel: Channel.energy_handle_j, factor: MJ }, { channel: Channel.energy_tool_j, factor: MJ }],
         },
       ],

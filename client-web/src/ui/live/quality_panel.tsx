@@ -37,6 +37,7 @@ function cellsNow(): Cell[] {
   const session = live.session.value;
   if (session === undefined) return [];
   const { loop, clay, coordination_m } = session;
+  const isCopied = session.scheme === "replica";
   const quality = live.quality.value;
   const loss = quality.loss === undefined ? undefined : 100 * quality.loss;
   const removed = clay.initial_units === 0 ? 0 : (100 * clay.removed_units) / clay.initial_units;
@@ -68,8 +69,10 @@ function cellsNow(): Cell[] {
     },
     {
       label: "link energy", text: significant(loop.energy_j * 1000), unit: "mJ",
-      title: "energy that entered the link at both ends less what left it; below zero the link has made energy",
-      grade: loop.energy_j < -1e-6 ? "bad" : "good",
+      title: isCopied
+        ? "energy that entered at both ends less what left; the copy answers the hand by itself, so this need not stay above zero"
+        : "energy that entered the link at both ends less what left it; below zero the link has made energy",
+      grade: loop.energy_j < -1e-6 && !isCopied ? "bad" : "good",
     },
     {
       label: "coordination", text: fixed(coordination_m * 1000, 2), unit: "mm",

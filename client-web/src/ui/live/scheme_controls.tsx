@@ -1,8 +1,9 @@
-// The law that couples handle and tool.
+// The law that couples handle and tool, and how the hand's copy of the clay does where there is one.
 
 import { useComputed } from "@preact/signals";
 import type { JSX } from "preact";
-import { SCHEMES } from "../../protocol/session";
+import { SCHEMES, type ToolState } from "../../protocol/session";
+import { count } from "../format";
 import { SCHEME_WORDS } from "../scheme_words";
 import { live } from "../store";
 
@@ -29,7 +30,29 @@ export function SchemeControls(): JSX.Element {
         ))}
       </div>
       {chosenScheme !== undefined && <p class="faint says">{SCHEME_WORDS[chosenScheme].says}</p>}
+      {server.value === "replica" && <CopyLine />}
       {edit.name === "refused" && <p class="refusal" role="alert">{edit.detail}</p>}
     </section>
+  );
+}
+
+const COPY_WORDS: Record<ToolState["copy"], { readonly grade: "good" | "warn"; readonly says: string }> = {
+  none: { grade: "warn", says: "The hand has no copy of the clay yet." },
+  live: { grade: "good", says: "The hand's copy is live: felt and cut at once." },
+  stale: { grade: "warn", says: "No news for too long: the copy is felt, but no longer cut." },
+  diverged: { grade: "warn", says: "The copy differs from the server's clay: the parts that differ are on their way." },
+};
+
+/** What the copy is good for, and what it hides. */
+function CopyLine(): JSX.Element | null {
+  const tool = live.tool.value;
+  if (tool?.connected !== true) return null;
+  const { grade, says } = COPY_WORDS[tool.copy];
+  const { sweeps_refused: refused } = tool;
+  return (
+    <p class="copy" data-grade={grade} data-testid="copy" data-copy={tool.copy}>
+      <i class="dot" aria-hidden="true" /> {says}
+      {refused !== 0 && ` The server refused ${count(refused)} ${refused === 1 ? "cut" : "cuts"}.`}
+    </p>
   );
 }
