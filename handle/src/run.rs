@@ -35,6 +35,8 @@ const LOST_AFTER: Duration = Duration::from_secs(1);
 /// A copy of the clay goes on without frames, and what was cut since waits for the line: a new lease would give that up. The server holds a lease for
 /// 10 s of silence, so the old one is asked back for until shortly before.
 const LOST_ON_COPY_AFTER: Duration = Duration::from_secs(8);
+/// A server whose end is seen was heard shortly before: a tick's records wait 20 ms, and the network's delay may be as long as sessions allow.
+const HEARD_WITHIN: Duration = Duration::from_secs(1);
 /// Bringing the handle to rest takes 0.3 s at most.
 const REST_WITHIN: Duration = Duration::from_millis(500);
 /// Ticks that say goodbye at least: enough for one of them to get through a line that loses every second frame.
@@ -214,6 +216,8 @@ struct Run {
     refresh_from: Instant,
     /// Revision of the parameters that the tick works with.
     revision: u16,
+    /// Time without a frame, as of the last record of the lease that is held.
+    silence: Duration,
     /// Gets the lease whose server has gone.
     gone: (UnboundedSender<u32>, UnboundedReceiver<u32>),
     /// Of the last record: lease, contact, and since when it lasts.
@@ -247,6 +251,7 @@ impl Run {
             refreshing_for: 0,
             refresh_from: started,
             revision: 0,
+            silence: Duration::ZERO,
             gone: unbounded_channel(),
             contact: (0, Contact::NotYet, started),
             mode: Mode::Resting,
@@ -498,6 +503,7 @@ impl Run {
         if !is_current {
             return Ok(());
         }
+        self.silence = Duration::from_nanos(record.silence_ns);
         self.on_contact(record);
         self.refresh(record.lease, record.wishes);
         let is_on_copy = matches!(record.contact, Contact::OnCopy | Contact::OnStaleCopy);
@@ -569,7 +575,9 @@ impl Run {
             .line
             .as_ref()
             .is_some_and(|line| line.welcome.granted.lease == lease);
-        if !is_current || self.is_leaving {
+        // A token also goes when Zenoh gives up a line that has long been silent. A process that dies is seen at once.
+        let was_heard = self.silence < HEARD_WITHIN;
+        if !is_current || self.is_leaving || !was_heard {
             return;
         }
         if let Some(rig) = &mut self.rig {

@@ -161,9 +161,12 @@ fn config(endpoints: &Endpoints) -> Result<Config, zenoh::Error> {
         // A taken port is an error to tell now, not to wait for.
         ("listen/timeout_ms", "0"),
         ("listen/exit_on_failure", "true"),
-        // A peer that vanished without a word is noticed within two seconds.
-        ("transport/link/tx/lease", "2000"),
-        ("transport/link/tx/keep_alive", "4"),
+        // A line may be down for longer than a copy of the clay goes on: whoever is silent is none of Zenoh's business, the loop has
+        // watchdogs of its own. A process that dies closes its connections, and that is seen at once.
+        ("transport/link/tx/lease", "10000"),
+        ("transport/link/tx/keep_alive", "10"),
+        // A greeting that the network lost is repeated after four of the longest round trips.
+        ("transport/unicast/open_timeout", "2000"),
     ] {
         config.insert_json5(key, value)?;
     }

@@ -9,11 +9,13 @@
 //! | [`watcher`] | a WebSocket that is read as slowly as one likes |
 //! | [`recording`] | what a handle wrote down, tick by tick |
 //! | [`relay`] | UDP through a bad network, seeded |
+//! | [`namespaces`] | two hosts on one machine |
 //! | [`mesh`] | an STL file, and whether it is watertight |
 //! | [`soak`] | a long run that watches its own memory |
 
 pub mod client;
 pub mod mesh;
+pub mod namespaces;
 pub mod process;
 pub mod recording;
 pub mod relay;

@@ -184,6 +184,16 @@ impl Process {
         }
     }
 
+    /// Stops it where it stands: its connections stay, and nothing answers.
+    pub fn freeze(&self) {
+        self.signal(libc::SIGSTOP);
+    }
+
+    /// Lets it go on.
+    pub fn thaw(&self) {
+        self.signal(libc::SIGCONT);
+    }
+
     /// Ends it without a word, as a crash does, and waits until it is gone. Gives the instant just before.
     ///
     /// # Errors

@@ -88,10 +88,25 @@ pub struct Done {
     pub doubled: u64,
     /// Datagrams that left after one that had come later.
     pub overtaken: u64,
-    /// Half of those that left were held no longer than this, s.
+    /// Half of those that left since the line was last changed were held no longer than this, s.
     pub delay_p50_s: f64,
-    /// One in a hundred was held longer than this, s.
+    /// One in a hundred of them was held longer than this, s.
     pub delay_p99_s: f64,
+}
+
+impl Done {
+    /// What was done after `before`.
+    #[must_use]
+    pub fn since(&self, before: &Self) -> Self {
+        Self {
+            came: self.came - before.came,
+            left: self.left - before.left,
+            lost: self.lost - before.lost,
+            doubled: self.doubled - before.doubled,
+            overtaken: self.overtaken - before.overtaken,
+            ..*self
+        }
+    }
 }
 
 /// Both directions.
@@ -101,6 +116,17 @@ pub struct Report {
     pub up: Done,
     /// Towards the handle.
     pub down: Done,
+}
+
+impl Report {
+    /// What was done after `before`.
+    #[must_use]
+    pub fn since(&self, before: &Self) -> Self {
+        Self {
+            up: self.up.since(&before.up),
+            down: self.down.since(&before.down),
+        }
+    }
 }
 
 /// A datagram on its way.
@@ -134,6 +160,11 @@ impl Direction {
             overtaken: 0,
             delays_s: Vec::new(),
         }
+    }
+
+    fn change(&mut self, line: Line) {
+        self.impairment = line.0;
+        self.delays_s.clear();
     }
 
     fn settle(&mut self) {
@@ -339,8 +370,8 @@ impl Relaying {
         let (word, rest) = line.split_once(' ').unwrap_or((line, ""));
         let parse = |text: &str| text.parse::<Line>().map_err(anyhow::Error::msg);
         match word {
-            "up" => self.up.impairment = parse(rest)?.0,
-            "down" => self.down.impairment = parse(rest)?.0,
+            "up" => self.up.change(parse(rest)?),
+            "down" => self.down.change(parse(rest)?),
             "cut" | "mend" => {
                 let is_cut = word == "cut";
                 (self.up.is_cut, self.down.is_cut) = (is_cut, is_cut);

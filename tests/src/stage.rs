@@ -16,6 +16,9 @@ use crate::recording::{Row, read};
 /// The session that a server starts with.
 pub const DEMO: &str = "demo";
 
+/// The token of servers that listen beyond loopback.
+pub const TOKEN: &str = "a-token-for-tests-only";
+
 /// Which transport handles use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Transport {
@@ -77,6 +80,7 @@ pub struct Server {
     pub process: Process,
     /// Its HTTP interface.
     pub client: Client,
+    host: Ipv4Addr,
     ports: Ports,
     transport: Transport,
 }
@@ -87,14 +91,28 @@ impl Server {
     /// # Errors
     /// It does not become ready.
     pub fn start(ports: Ports, transport: Transport) -> Result<Self> {
+        Self::start_on(Ipv4Addr::LOCALHOST, ports, transport)
+    }
+
+    /// Starts one whose Zenoh listens on `host`; beyond loopback it has the token [`TOKEN`]. HTTP stays on loopback.
+    ///
+    /// # Errors
+    /// It does not become ready.
+    pub fn start_on(host: Ipv4Addr, ports: Ports, transport: Transport) -> Result<Self> {
         let mut command = Command::new(program("teleclay-server")?);
         command
             .args(["--listen", &format!("127.0.0.1:{}", ports.http)])
-            .args(["--zenoh-listen", &endpoint(transport, ports.zenoh)])
+            .args(["--zenoh-listen", &endpoint_on(host, transport, ports.zenoh)])
             .args(["--data-dir".into(), data_folder()?]);
+        let token = (!host.is_loopback()).then_some(TOKEN);
+        if let Some(token) = token {
+            let config = crate::process::scratch()?.join("server.toml");
+            std::fs::write(&config, format!("token = \"{token}\"\n"))?;
+            command.arg("--config").arg(config);
+        }
         let mut process = Process::start("the server", command)?;
         let address = SocketAddr::from((Ipv4Addr::LOCALHOST, ports.http));
-        let client = Client::new(address, None);
+        let client = Client::new(address, token);
         wait_for("the server to be ready", PATIENCE, || {
             if let Ok(Some(status)) = process.poll_end() {
                 return Some(Err(anyhow::anyhow!("the server ended: {status}")));
@@ -104,6 +122,7 @@ impl Server {
         Ok(Self {
             process,
             client,
+            host,
             ports,
             transport,
         })
@@ -128,12 +147,12 @@ impl Server {
 
     /// Where handles connect to.
     pub fn endpoint(&self) -> String {
-        endpoint(self.transport, self.ports.zenoh)
+        endpoint_on(self.host, self.transport, self.ports.zenoh)
     }
 
     /// The address of the control session.
     pub fn zenoh_address(&self) -> SocketAddr {
-        SocketAddr::from((Ipv4Addr::LOCALHOST, self.ports.zenoh))
+        SocketAddr::from((self.host, self.ports.zenoh))
     }
 
     /// Its ports.
@@ -150,9 +169,13 @@ fn data_folder() -> Result<std::ffi::OsString> {
 
 /// The endpoint of a port of loopback.
 pub fn endpoint(transport: Transport, port: u16) -> String {
+    endpoint_on(Ipv4Addr::LOCALHOST, transport, port)
+}
+
+fn endpoint_on(host: Ipv4Addr, transport: Transport, port: u16) -> String {
     match transport {
-        Transport::Tcp => format!("tcp/127.0.0.1:{port}"),
-        Transport::Udp => format!("udp/127.0.0.1:{port}"),
+        Transport::Tcp => format!("tcp/{host}:{port}"),
+        Transport::Udp => format!("udp/{host}:{port}"),
     }
 }
 

@@ -106,6 +106,8 @@ pub struct ToolSide {
     engaged: bool,
     left: bool,
     fault: Option<NotFinite>,
+    /// When the newest frame was sent, on the handle's clock, ns; 0 before the first.
+    handle_sent_ns: u64,
     view: ToolView,
     frame: ToolFrame,
     deadband: Option<Deadband>,
@@ -155,6 +157,7 @@ impl ToolSide {
             engaged: false,
             left: false,
             fault: None,
+            handle_sent_ns: 0,
             view: ToolView::default(),
             frame: ToolFrame {
                 header,
@@ -531,7 +534,16 @@ impl ToolSide {
         let felt = Vec3::from(frame.felt_force_n);
         let velocity = Vec3::from(frame.velocity_m_s);
         let view = &mut self.view;
-        view.energy_handle_j -= felt.dot(&velocity) * self.model.coupling().tick_s;
+        // Frames that were lost or left out stand for the time until the next that came: half of it went by as the one before says, half as this one.
+        let power_w = -felt.dot(&velocity);
+        let before_w = -Vec3::from(view.felt_force_n).dot(&Vec3::from(view.handle_velocity_m_s));
+        let passed_ns = frame.header.sent_ns.saturating_sub(self.handle_sent_ns);
+        let longest_s = self.model.watchdog.silence.as_secs_f64();
+        let passed_s = (passed_ns as f64 * 1e-9).min(longest_s);
+        if 0 < self.handle_sent_ns {
+            view.energy_handle_j += 0.5 * (power_w + before_w) * passed_s;
+        }
+        self.handle_sent_ns = frame.header.sent_ns;
         view.handle_position_m = frame.position_m;
         view.handle_velocity_m_s = frame.velocity_m_s;
         view.hand_force_n = frame.hand_force_n;

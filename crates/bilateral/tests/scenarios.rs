@@ -361,3 +361,37 @@ fn the_rig_runs_far_faster_than_real_time() {
     // The figure itself is printed by `cargo figures`; here only a rig that crawls fails.
     assert!(10.0 < ratio, "{ratio}");
 }
+
+/// What the tool side books as the hand's work is the hand's work, though it saw two thirds of the frames.
+#[test]
+fn the_work_of_the_hand_is_known_at_the_tool_in_spite_of_loss() {
+    let line = Impairment {
+        loss: 0.35,
+        duplicate: 0.1,
+        ..Impairment::default()
+    };
+    let lines = Lines {
+        up: line,
+        up_seed: 5,
+        down: line,
+        down_seed: 6,
+    };
+    let mut rig = carving(Intent::cutting(REACH).unwrap(), lines);
+    let mut work_j = 0.0;
+    for _ in 0..8000 {
+        let before = rig.device().sample().position_m;
+        rig.tick();
+        let after = rig.device().sample().position_m;
+        let felt = rig.last().felt_force_n;
+        work_j -= (0..2)
+            .map(|axis| felt[axis] * (after[axis] - before[axis]))
+            .sum::<f64>();
+    }
+    let told_j = rig.tool().view().energy_handle_j;
+    println!("the hand did {work_j:.5} J, the tool side knows of {told_j:.5} J");
+    assert!(1e-3 < work_j, "hardly any work");
+    assert!(
+        (told_j / work_j - 1.0).abs() < 0.01,
+        "{told_j} of {work_j} J"
+    );
+}

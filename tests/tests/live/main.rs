@@ -8,6 +8,7 @@
 #![allow(clippy::print_stdout, reason = "how long things took is a result, too")]
 
 mod endings;
+mod network;
 mod sharing;
 mod soak;
 mod stopping;

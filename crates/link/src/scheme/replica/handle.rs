@@ -364,6 +364,7 @@ impl HandleEnd for ReplicaHandle {
         if let Some(round_trip) = round_trip::of_exchange(now, header.echo_ns, header.echo_hold_ns)
         {
             self.log.on_round_trip(round_trip);
+            self.log.on_echo(Timestamp::from_nanos(header.echo_ns));
         }
         if frame.header.clay_epoch != self.epoch {
             self.start_epoch(now, frame.header.clay_epoch);

@@ -239,6 +239,7 @@ impl ToolEnd for ReplicaTool {
         if let Some(round_trip) = round_trip::of_exchange(now, header.echo_ns, header.echo_hold_ns)
         {
             self.relay.on_round_trip(round_trip);
+            self.relay.on_echo(Timestamp::from_nanos(header.echo_ns));
         }
         let newest = frame.sweeps.iter().map(|sweep| sweep.sequence).max();
         let newest = newest.unwrap_or(0);
