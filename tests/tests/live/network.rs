@@ -167,9 +167,8 @@ fn assert_is_bad(report: &Report, [up_s, down_s]: [f64; 2], loss: f64) {
 }
 
 #[test]
-fn under_the_replica_nothing_is_lost_across_delay_jitter_loss_copies_and_a_clock_that_drifts() {
-    // A crystal of 100 ppm is a bad one.
-    let mut stage = Stage::cutting(11, &["--clock-drift-ppm", "100"]);
+fn under_the_replica_nothing_is_lost_across_delay_jitter_loss_and_copies() {
+    let mut stage = Stage::cutting(11, &[]);
     let before = stage.relay.report().unwrap();
     stage.impair(
         "delay_ms=40 jitter_ms=8 loss=0.1 duplicate=0.05 reorder=0.05",
@@ -185,21 +184,12 @@ fn under_the_replica_nothing_is_lost_across_delay_jitter_loss_copies_and_a_clock
     assert_nothing_was_lost(&drained, &rows);
     let stale = rows.iter().filter(|row| row.copy == "stale").count();
     assert_eq!(stale, 0, "the line kept up with what was cut");
-    // Its clock runs fast by a ten-thousandth, which no round trip shows: it needs no common clock. What came over the good line is left out; of frames
-    // that overtake each other the quick ones come to be measured, so the median lies below the line's.
-    let bad: Vec<Row> = rows
-        .into_iter()
-        .filter(|row| row.rtt_s.is_some_and(|rtt_s| 0.02 < rtt_s))
-        .collect();
-    let rtt_s = rtt_quantile_s(&bad, 0.5).unwrap();
-    println!("round trip p50 {:.1} ms of {}", rtt_s * 1e3, bad.len());
-    assert!(200 < bad.len(), "{} round trips", bad.len());
-    assert!((0.06..0.106).contains(&rtt_s), "{rtt_s} s");
 }
 
 #[test]
 fn an_outage_of_five_seconds_while_cutting_is_felt_as_clay_and_leaves_both_sides_with_the_same() {
-    let mut stage = Stage::cutting(12, &[]);
+    // A crystal of 100 ppm is a bad one.
+    let mut stage = Stage::cutting(12, &["--clock-drift-ppm", "100"]);
     stage.impair("delay_ms=20", "delay_ms=20");
     stage.server.client.let_pass(DEMO, 1000).unwrap();
     stage.relay.cut().unwrap();
@@ -236,6 +226,15 @@ fn an_outage_of_five_seconds_while_cutting_is_felt_as_clay_and_leaves_both_sides
     println!("longest silence {longest_s:.2} s");
     assert!(4.9 < longest_s, "the outage was real: {longest_s} s");
     assert_eq!(rows[0].lease, rows.last().unwrap().lease, "one lease");
+    // No round trip shows that its clock runs fast: it needs no common clock. What came over the good line is left out.
+    let delayed: Vec<Row> = rows
+        .iter()
+        .filter(|row| row.rtt_s.is_some_and(|rtt_s| 0.02 < rtt_s))
+        .cloned()
+        .collect();
+    let rtt_s = rtt_quantile_s(&delayed, 0.5).unwrap();
+    println!("round trip p50 {:.1} ms", rtt_s * 1e3);
+    assert!((0.040..0.043).contains(&rtt_s), "{rtt_s} s");
     let on_copy = rows.iter().filter(|row| row.contact == "on_copy").count();
     let stale = rows.iter().filter(|row| row.contact == "on_stale_copy");
     assert!(
@@ -308,7 +307,10 @@ fn without_a_copy_a_cut_line_releases_the_hand_and_a_mended_one_brings_the_force
             .unwrap();
         assert!(stage.handle.process.end().unwrap().success());
         let rows = stage.handle.ticks().unwrap();
-        let silent: Vec<&Row> = rows.iter().filter(|row| 0.2 <= row.silence_s).collect();
+        let silent: Vec<&Row> = rows
+            .iter()
+            .filter(|row| row.contact == "silent" && 0.2 <= row.silence_s)
+            .collect();
         assert!(100 < silent.len(), "{scheme}: {} ticks", silent.len());
         assert!(
             silent.iter().all(|row| row.felt_n() == 0.0),
