@@ -5,13 +5,12 @@ use std::net::{SocketAddr, TcpStream};
 use std::process::ExitCode;
 use std::time::Duration;
 
-use clap::Parser as _;
 use teleclay_server::settings::{Arguments, Settings};
 
 fn main() -> ExitCode {
     // Before any thread exists.
     teleclay_shell::network::prepare_runtime();
-    let arguments = Arguments::parse();
+    let arguments = Arguments::of_this_process();
     if let Some(offline) = &arguments.offline {
         return match offline.run() {
             Ok(()) => ExitCode::SUCCESS,

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use anyhow::{Context as _, ensure};
-use clap::Parser;
+use clap::{CommandFactory as _, FromArgMatches as _, Parser};
 use figment::Figment;
 use figment::providers::{Env, Format as _, Serialized, Toml};
 use serde::{Deserialize, Serialize};
@@ -13,7 +13,7 @@ use teleclay_proto::NodeName;
 use teleclay_shell::network::{is_loopback, neighbour};
 use teleclay_shell::ticker::Scheduling;
 
-use crate::offline::Offline;
+use crate::offline::{self, Offline};
 
 /// A networked haptic tele-presence server: it holds the clay and the tool side of the loop.
 #[derive(Debug, Parser)]
@@ -56,6 +56,15 @@ pub struct Arguments {
     /// Ask a running server on --listen whether it is healthy, and exit with 0 or 1
     #[arg(long)]
     pub health_check: bool,
+}
+
+impl Arguments {
+    /// Reads the command line of this process; ends it where that asks for help or cannot be read.
+    pub fn of_this_process() -> Self {
+        let mut command = offline::rounded_off(Self::command());
+        let matches = command.get_matches_mut();
+        Self::from_arg_matches(&matches).unwrap_or_else(|error| error.format(&mut command).exit())
+    }
 }
 
 /// The raw shape: what a file or the environment may say.

@@ -142,15 +142,53 @@ fn a_request_may_come_from_a_pipe() {
 
 #[test]
 fn what_has_no_answer_says_why_and_fails() {
-    let cases: [(&[&str], &str); 8] = [
+    let cases: [(&[&str], &str); 15] = [
         (&["kinematics", "inverse", "--position-m", "1,0,0"], "reach"),
         (&["kinematics", "inverse", "--position-m", "1,0"], "three"),
         (
             &["kinematics", "jacobian", "--branch", "1,2,1"],
             "neither 1 nor -1",
         ),
-        (&["analyse", "--force-ratio", "1"], "/force_ratio"),
-        (&["analyse", "--g-h", "1/0,0"], "zero"),
+        (
+            &["kinematics", "inverse", "--upper-link-m", "-1"],
+            "--upper-link-m: -1 is not a number from 0.000001 to 1000000",
+        ),
+        (
+            &[
+                "kinematics",
+                "inverse",
+                "--input",
+                "-",
+                "--position-m",
+                "0,0,0",
+            ],
+            "'--input <FILE>' cannot be used with",
+        ),
+        (
+            &["analyse", "--force-ratio", "1"],
+            "--force-ratio: 1 is not a number from -1000000 to",
+        ),
+        (
+            &["analyse", "--clay-damping-n-s-per-m", "lots"],
+            "`lots` is not a number",
+        ),
+        (
+            &["analyse", "--omegas-rad-s", "0"],
+            "--omegas-rad-s: 0 is not a number from 1e-",
+        ),
+        (&["analyse", "--g-h", "z"], "wanted x, y, or coefficients"),
+        (
+            &["analyse", "--g-h", "1/0,0"],
+            "--g-h: every coefficient is zero",
+        ),
+        (
+            &["workspace", "--from-m", "0,0,1", "--to-m", "1,1,0"],
+            "--from-m, --to-m: 0 is not a number from 1",
+        ),
+        (
+            &["tuning", "--round-trip-s", "-1"],
+            "--round-trip-s: -1 is not",
+        ),
         (&["tune", "--heaviest-n-s-per-m", "0.001"], "N s/m"),
         (&["experiment", "--virtual-mass-kg", "0.1"], "unstable"),
         // Flags of the server have no meaning without one.

@@ -87,7 +87,7 @@ pub enum Obstacle {
     UnstableAdmittance,
     /// Stable, yet not over the whole round trip.
     #[error(
-        "stable up to a round trip of {margin_s} s, wanted {wanted_s} s, in clay of {} N s/m and {} N/m",
+        "stable up to a round trip of {margin_s:.4} s, wanted {wanted_s} s, in clay of {} N s/m and {} N/m",
         clay.damping_n_s_per_m,
         clay.stiffness_n_per_m
     )]
@@ -101,7 +101,7 @@ pub enum Obstacle {
     },
     /// Stable, yet nearer to instability than wanted.
     #[error(
-        "distance {got} from instability, wanted {wanted}, in clay of {} N s/m and {} N/m",
+        "distance {got:.4} from instability, wanted {wanted}, in clay of {} N s/m and {} N/m",
         clay.damping_n_s_per_m,
         clay.stiffness_n_per_m
     )]
@@ -147,7 +147,7 @@ pub enum TuningError {
     CalledOff,
     /// Even the heaviest handle allowed is not enough.
     #[error(
-        "no handle up to {heaviest_n_s_per_m} N s/m at 1 Hz will do: with {mass_kg} kg and {damping_n_s_per_m} N s/m, {obstacle}"
+        "no handle up to {heaviest_n_s_per_m} N s/m at 1 Hz will do: with {mass_kg:.4} kg and {damping_n_s_per_m:.4} N s/m, {obstacle}"
     )]
     NotWithin {
         /// The limit of the wish.

@@ -26,7 +26,7 @@ pub use session::{
     ClayState, LoopState, MAX_TOOLS, NewSession, Quantiles, Session, SessionState, TickQuantiles,
     ToolState,
 };
-pub use validate::{FieldError, Validate};
+pub use validate::{FieldError, Validate, readable};
 
 pub(crate) use validate::{check, check_text};
 

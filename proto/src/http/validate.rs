@@ -65,8 +65,23 @@ pub(crate) fn check(
     let (least, most) = range.into_inner();
     Err(FieldError::new(
         pointer,
-        format!("{value} is not a number from {least} to {most}"),
+        format!(
+            "{} is not a number from {} to {}",
+            readable(value),
+            readable(least),
+            readable(most)
+        ),
     ))
+}
+
+/// A number as a person writes it: in powers of ten where it would be all zeros otherwise.
+pub fn readable(value: f64) -> String {
+    let is_plain = value.abs() <= 0.0 || (1e-6..1e10).contains(&value.abs());
+    if is_plain || !value.is_finite() {
+        value.to_string()
+    } else {
+        format!("{value:e}")
+    }
 }
 
 /// Names that people read: not empty, at most `most` characters, nothing that would move a cursor.

@@ -9,6 +9,7 @@ use teleclay_proto::http::theory::{CuttingAnswer, CuttingRequest, HandForceAt};
 use super::output::Table;
 use super::progress::Showing;
 use super::stability::Numbers;
+use super::values::number;
 use super::{Answer, Input, Output};
 use crate::theory;
 
@@ -16,19 +17,19 @@ use crate::theory;
 #[derive(Clone, Debug, Args)]
 pub struct Experiment {
     /// M of C_h1 = 1 / (M s^2 + B s), kg
-    #[arg(long, value_name = "KG", default_value_t = paper::HANDLE_MASS_KG)]
+    #[arg(long, value_name = "KG", default_value_t = paper::HANDLE_MASS_KG, value_parser = number)]
     virtual_mass_kg: f64,
     /// B of C_h1, N s/m
-    #[arg(long, value_name = "N_S_PER_M", default_value_t = paper::HANDLE_DAMPING_N_S_PER_M)]
+    #[arg(long, value_name = "N_S_PER_M", default_value_t = paper::HANDLE_DAMPING_N_S_PER_M, value_parser = number)]
     virtual_damping_n_s_per_m: f64,
     /// A_h1, tool position over handle position
-    #[arg(long, value_name = "RATIO", default_value_t = paper::POSITION_RATIO)]
+    #[arg(long, value_name = "RATIO", default_value_t = paper::POSITION_RATIO, value_parser = number)]
     position_ratio: f64,
     /// A_h2, clay force over hand force; below zero
-    #[arg(long, value_name = "RATIO", default_value_t = paper::FORCE_RATIO, allow_hyphen_values = true)]
+    #[arg(long, value_name = "RATIO", default_value_t = paper::FORCE_RATIO, allow_hyphen_values = true, value_parser = number)]
     force_ratio: f64,
     /// The hand's steady force, N
-    #[arg(long, value_name = "N", default_value_t = paper::HAND_FORCE_N)]
+    #[arg(long, value_name = "N", default_value_t = paper::HAND_FORCE_N, value_parser = number)]
     hand_force_n: f64,
     /// Where the hand's force acts
     #[arg(long, value_enum, default_value_t)]
@@ -40,7 +41,7 @@ pub struct Experiment {
     #[arg(long, value_name = "B,B,...", default_value = "20,40,60", value_parser = Numbers::parse)]
     clay_damping_n_s_per_m: Numbers,
     /// Edge of a voxel, m [default: what fits]
-    #[arg(long, value_name = "M")]
+    #[arg(long, value_name = "M", value_parser = number)]
     voxel_size_m: Option<f64>,
     /// Most samples of the trace
     #[arg(long, value_name = "N", default_value_t = 8192)]
@@ -68,7 +69,8 @@ impl Experiment {
         let answer = theory::cutting(&request, |progress| {
             showing.at(progress.share);
             ControlFlow::Continue(())
-        })?;
+        })
+        .map_err(|error| self.input.blame(error))?;
         drop(showing);
         Answer::new(
             self.output,

@@ -6,7 +6,7 @@ use teleclay_proto::http::theory::{
 };
 
 use super::output::Table;
-use super::values::{signs, triple};
+use super::values::{number, signs, triple};
 use super::{Answer, Input, Output};
 use crate::theory;
 
@@ -70,16 +70,16 @@ pub struct Jacobian {
 #[derive(Clone, Copy, Debug, Args)]
 pub(super) struct Robot {
     /// From the centre of the base to the joints, m
-    #[arg(long, value_name = "M", default_value_t = RobotGeometry::default().base_radius_m)]
+    #[arg(long, value_name = "M", default_value_t = RobotGeometry::default().base_radius_m, value_parser = number)]
     base_radius_m: f64,
     /// From the centre of the platform to the rods, m
-    #[arg(long, value_name = "M", default_value_t = RobotGeometry::default().platform_radius_m)]
+    #[arg(long, value_name = "M", default_value_t = RobotGeometry::default().platform_radius_m, value_parser = number)]
     platform_radius_m: f64,
     /// The actuated links, m
-    #[arg(long, value_name = "M", default_value_t = RobotGeometry::default().upper_link_m)]
+    #[arg(long, value_name = "M", default_value_t = RobotGeometry::default().upper_link_m, value_parser = number)]
     upper_link_m: f64,
     /// The rods, m
-    #[arg(long, value_name = "M", default_value_t = RobotGeometry::default().lower_link_m)]
+    #[arg(long, value_name = "M", default_value_t = RobotGeometry::default().lower_link_m, value_parser = number)]
     lower_link_m: f64,
     /// Directions of the arms, degrees
     #[arg(long, value_name = "A,B,C", default_value = "0,120,240", allow_hyphen_values = true, value_parser = triple)]
@@ -116,7 +116,7 @@ impl Inverse {
                 position_m: self.position_m,
             })
         })?;
-        let answer = theory::inverse(&request)?;
+        let answer = theory::inverse(&request).map_err(|error| self.input.blame(error))?;
         let [x, y, z] = request.position_m;
         let table = || {
             let mut table = Table::new([
@@ -152,7 +152,7 @@ impl Forward {
                 joints_rad: self.joints_rad,
             })
         })?;
-        let answer = theory::forward(&request)?;
+        let answer = theory::forward(&request).map_err(|error| self.input.blame(error))?;
         let table = || {
             let mut table = Table::new(["assembly", "x_m", "y_m", "z_m"]);
             for (name, [x, y, z]) in ["front", "back"].into_iter().zip(answer.positions_m) {
@@ -180,7 +180,7 @@ impl Jacobian {
                 branch: self.branch,
             })
         })?;
-        let answer = theory::jacobian(&request)?;
+        let answer = theory::jacobian(&request).map_err(|error| self.input.blame(error))?;
         let matrix = || {
             let mut table = Table::new(["row", "d/d rho_1", "d/d rho_2", "d/d rho_3"]);
             for (name, [a, b, c]) in ["x", "y", "z"].into_iter().zip(answer.jacobian) {

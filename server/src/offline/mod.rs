@@ -16,12 +16,13 @@ use std::io::{self, Read as _, Write};
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
-use clap::{Args, Subcommand};
+use clap::{Args, Command, Subcommand};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use teleclay_proto::http::{Validate, parse};
 
 use self::output::{Format, Table};
+use crate::theory::Unanswered;
 
 /// What can be asked for without a server.
 #[derive(Clone, Debug, Subcommand)]
@@ -30,12 +31,14 @@ pub enum Offline {
     #[command(subcommand)]
     Kinematics(kinematics::Kinematics),
     /// Whether a loop is stable, and for how long a delay
+    #[command(visible_alias = "stability")]
     Analyse(stability::Analyse),
     /// Run the cutting experiment through the clay
     Experiment(experiment::Experiment),
     /// Where the robot reaches, and how evenly it moves there
     Workspace(workspace::Workspace),
     /// The lightest handle that keeps a margin
+    #[command(visible_alias = "tuning")]
     Tune(tuning::Tune),
 }
 
@@ -56,6 +59,31 @@ struct Input {
     /// Take the request from a file of JSON, as the call under /api/v1 does; - is standard input
     #[arg(long, value_name = "FILE")]
     input: Option<PathBuf>,
+}
+
+/// Options that say how an answer is printed; every other one would be lost where a file makes the request.
+const OF_THE_OUTPUT: [&str; 3] = ["csv", "json", "help"];
+
+/// Rounds off the options of every command here: numbers may be below zero, so that they are refused for their value and not taken for
+/// an option; and a request from a file goes with no option that says otherwise.
+pub(crate) fn rounded_off(command: Command) -> Command {
+    command.mut_subcommands(|command| {
+        let others: Vec<clap::Id> = command
+            .get_arguments()
+            .map(|argument| argument.get_id().clone())
+            .filter(|id| *id != "input" && !OF_THE_OUTPUT.contains(&id.as_str()))
+            .collect();
+        let command = rounded_off(command).mut_args(|argument| {
+            if argument.get_id() == "input" {
+                argument.conflicts_with_all(&others)
+            } else if argument.get_action().takes_values() {
+                argument.allow_negative_numbers(true)
+            } else {
+                argument
+            }
+        });
+        command
+    })
 }
 
 /// Longest request that is read, bytes.
@@ -161,6 +189,21 @@ impl Input {
         };
         let body = read(path).with_context(|| format!("cannot read {}", path.display()))?;
         parse(&body).with_context(|| format!("{} is no request", path.display()))
+    }
+
+    /// Why there is no answer, told to whoever wrote the request: a field of a file by its pointer, any other by its option.
+    fn blame(&self, error: Unanswered) -> anyhow::Error {
+        let field = match error {
+            Unanswered::Field(field) if self.input.is_none() => field,
+            other => return other.into(),
+        };
+        let name = field.pointer.trim_start_matches("/geometry");
+        let name = name.split('/').nth(1).unwrap_or_default();
+        match name {
+            "" => field.into(),
+            "region_m" => anyhow::anyhow!("--from-m, --to-m: {}", field.detail),
+            name => anyhow::anyhow!("--{}: {}", name.replace('_', "-"), field.detail),
+        }
     }
 }
 

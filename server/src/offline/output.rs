@@ -130,7 +130,8 @@ impl Cell {
 
     fn exact(&self) -> String {
         match self {
-            Self::Number(value) => value.to_string(),
+            // Plus zero, so that no program meets a zero below zero.
+            Self::Number(value) => (value + 0.0).to_string(),
             Self::Count(count) => count.to_string(),
             Self::Text(text) if text.contains([',', '"', '\n']) => {
                 format!("\"{}\"", text.replace('"', "\"\""))
@@ -178,6 +179,7 @@ mod tests {
         ] {
             assert_eq!(rounded(value), wanted);
         }
+        assert_eq!(Cell::from(-0.0).exact(), "0");
         assert_eq!(Cell::from(1.0 / 3.0).exact().parse(), Ok(1.0 / 3.0));
     }
 

@@ -7,7 +7,7 @@ use teleclay_proto::http::theory::{
 };
 
 use super::output::{Cell, Table, rounded};
-use super::values::{list, printed, transfer_function};
+use super::values::{list, number, printed, transfer_function};
 use super::{Answer, Input, Output};
 use crate::theory;
 
@@ -20,16 +20,16 @@ pub struct Analyse {
     #[arg(long, value_name = "NUM/DEN", conflicts_with_all = ["mass_kg", "damping_n_s_per_m"], value_parser = transfer_function, allow_hyphen_values = true)]
     c_h1: Option<TransferFunction>,
     /// M of C_h1 = 1 / (M s^2 + B s), kg
-    #[arg(long, value_name = "KG", default_value_t = paper::HANDLE_MASS_KG)]
+    #[arg(long, value_name = "KG", default_value_t = paper::HANDLE_MASS_KG, value_parser = number)]
     mass_kg: f64,
     /// B of C_h1, N s/m
-    #[arg(long, value_name = "N_S_PER_M", default_value_t = paper::HANDLE_DAMPING_N_S_PER_M)]
+    #[arg(long, value_name = "N_S_PER_M", default_value_t = paper::HANDLE_DAMPING_N_S_PER_M, value_parser = number)]
     damping_n_s_per_m: f64,
     /// Viscous part of the clay, N s/m
-    #[arg(long, value_name = "N_S_PER_M", default_value_t = paper::CUTTING_DAMPING_N_S_PER_M[0])]
+    #[arg(long, value_name = "N_S_PER_M", default_value_t = paper::CUTTING_DAMPING_N_S_PER_M[0], value_parser = number)]
     clay_damping_n_s_per_m: f64,
     /// Elastic part of the clay, N/m
-    #[arg(long, value_name = "N_PER_M", default_value_t = 0.0)]
+    #[arg(long, value_name = "N_PER_M", default_value_t = 0.0, value_parser = number)]
     clay_stiffness_n_per_m: f64,
     /// Where the compensators are evaluated, rad/s
     #[arg(long, value_name = "W,W,...", default_value = "0.1,1,10,60,300", value_parser = Numbers::parse)]
@@ -59,10 +59,10 @@ pub(super) struct Plants {
     #[arg(long, value_name = "NUM/DEN", default_value = "0", value_parser = transfer_function, allow_hyphen_values = true)]
     s_t: TransferFunction,
     /// A_h1, tool position over handle position
-    #[arg(long, value_name = "RATIO", default_value_t = paper::POSITION_RATIO)]
+    #[arg(long, value_name = "RATIO", default_value_t = paper::POSITION_RATIO, value_parser = number)]
     position_ratio: f64,
     /// A_h2, clay force over hand force; below zero
-    #[arg(long, value_name = "RATIO", default_value_t = paper::FORCE_RATIO, allow_hyphen_values = true)]
+    #[arg(long, value_name = "RATIO", default_value_t = paper::FORCE_RATIO, allow_hyphen_values = true, value_parser = number)]
     force_ratio: f64,
 }
 
@@ -105,7 +105,7 @@ impl Plants {
 impl Analyse {
     pub(super) fn answer(&self) -> anyhow::Result<Answer> {
         let request = self.input.request(|| self.request())?;
-        let answer = theory::analyse(&request)?;
+        let answer = theory::analyse(&request).map_err(|error| self.input.blame(error))?;
         Answer::new(self.output, &answer, tables, curve)
     }
 

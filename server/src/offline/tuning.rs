@@ -8,7 +8,7 @@ use teleclay_proto::http::theory::{TunedScheme, TuningAnswer, TuningRequest};
 use super::output::Table;
 use super::progress::Showing;
 use super::stability::{Plants, margin_in_words};
-use super::values::range;
+use super::values::{number, range};
 use super::{Answer, Input, Output};
 use crate::theory;
 
@@ -27,13 +27,13 @@ pub struct Tune {
     #[arg(long, value_enum, default_value_t)]
     scheme: Scheme,
     /// Longest round trip, s
-    #[arg(long, value_name = "S", default_value_t = 0.1)]
+    #[arg(long, value_name = "S", default_value_t = 0.1, value_parser = number)]
     round_trip_s: f64,
     /// Wanted distance from instability (33), above 0 and below 1
-    #[arg(long, value_name = "D", default_value_t = 0.5)]
+    #[arg(long, value_name = "D", default_value_t = 0.5, value_parser = number)]
     distance: f64,
     /// Heaviest handle to put up with: its impedance at 1 Hz, N s/m
-    #[arg(long, value_name = "N_S_PER_M", default_value_t = 500.0)]
+    #[arg(long, value_name = "N_S_PER_M", default_value_t = 500.0, value_parser = number)]
     heaviest_n_s_per_m: f64,
     #[command(flatten)]
     input: Input,
@@ -58,7 +58,8 @@ impl Tune {
         let answer = theory::tune(&request, || {
             showing.still();
             ControlFlow::Continue(())
-        })?;
+        })
+        .map_err(|error| self.input.blame(error))?;
         drop(showing);
         Answer::new(self.output, &answer, tables, row)
     }

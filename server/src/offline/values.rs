@@ -3,21 +3,25 @@
 use teleclay_control::{RationalFunction, paper};
 use teleclay_proto::http::theory::TransferFunction;
 
+/// One number.
+pub(super) fn number(text: &str) -> Result<f64, String> {
+    let text = text.trim();
+    if text.is_empty() {
+        return Err("a number is missing".to_owned());
+    }
+    let number: f64 = text
+        .parse()
+        .map_err(|_| format!("`{text}` is not a number"))?;
+    if number.is_finite() {
+        Ok(number)
+    } else {
+        Err(format!("`{text}` is not a finite number"))
+    }
+}
+
 /// Numbers with commas between them: `0.25,2,6`.
 pub(super) fn list(text: &str) -> Result<Vec<f64>, String> {
-    text.split(',')
-        .map(|part| {
-            let number: f64 = part
-                .trim()
-                .parse()
-                .map_err(|_| format!("`{}` is not a number", part.trim()))?;
-            if number.is_finite() {
-                Ok(number)
-            } else {
-                Err(format!("`{}` is not a finite number", part.trim()))
-            }
-        })
-        .collect()
+    text.split(',').map(number).collect()
 }
 
 /// Three numbers: `0,0,0.15`.
@@ -67,9 +71,14 @@ pub(super) fn transfer_function(text: &str) -> Result<TransferFunction, String> 
         _ => {}
     }
     let (numerator, denominator) = text.split_once('/').unwrap_or((text, "1"));
+    let coefficients = |text: &str| {
+        list(text).map_err(|error| {
+            format!("{error}; wanted x, y, or coefficients such as 18,1/0.005,0.4,18,1")
+        })
+    };
     Ok(TransferFunction {
-        numerator: list(numerator)?,
-        denominator: list(denominator)?,
+        numerator: coefficients(numerator)?,
+        denominator: coefficients(denominator)?,
     })
 }
 
@@ -99,14 +108,18 @@ mod tests {
         let servo = transfer_function("18, 1 / 0.005, 0.4, 18, 1").unwrap();
         assert_eq!(servo, transfer_function("x").unwrap());
         assert_eq!(transfer_function("2").unwrap().denominator, [1.0]);
-        assert_eq!(
-            transfer_function("1/2/3").unwrap_err(),
-            "`2/3` is not a number"
-        );
-        assert_eq!(
-            transfer_function("1e999").unwrap_err(),
-            "`1e999` is not a finite number"
-        );
+        for (text, what) in [
+            (
+                "1/2/3",
+                "`2/3` is not a number; wanted x, y, or coefficients",
+            ),
+            ("z", "`z` is not a number; wanted x, y"),
+            ("18,1/", "a number is missing; wanted"),
+            ("1e999", "`1e999` is not a finite number"),
+        ] {
+            let error = transfer_function(text).unwrap_err();
+            assert!(error.starts_with(what), "{error}");
+        }
     }
 
     #[test]

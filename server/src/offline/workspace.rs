@@ -45,7 +45,8 @@ impl Workspace {
             })
         })?;
         let mut showing = Showing::new("mapping");
-        let answer = theory::workspace_by_layers(&request, |share| showing.at(share))?;
+        let answer = theory::workspace_by_layers(&request, |share| showing.at(share))
+            .map_err(|error| self.input.blame(error))?;
         drop(showing);
         Answer::new(self.output, &answer, tables, cells)
     }
