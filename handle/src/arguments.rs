@@ -42,8 +42,9 @@ pub struct Arguments {
     /// The server's token, when it asks for one
     #[arg(long, env = "TELECLAY_TOKEN", hide_env_values = true)]
     pub token: Option<String>,
-    /// The device
-    #[arg(long, default_value_t)]
+    /// The device: simulated (the paper's servos, one per axis) or robot (the same on the three arms of the parallel robot, with joint
+    /// limits; for sessions of 2 or 3 axes)
+    #[arg(long, value_name = "DEVICE", default_value_t)]
     pub device: DeviceKind,
     /// What the simulated operator does
     #[arg(long, value_enum, default_value_t)]
@@ -451,7 +452,7 @@ mod tests {
             (&["--seconds", "-1"], "want a number of seconds above zero"),
             (&["--scheduling", "batch"], "want normal or fifo"),
             (&["--spin-us", "5000"], "0..=1000"),
-            (&["--device", "omega"], "have simulated"),
+            (&["--device", "omega"], "have simulated and robot"),
             (&["--operator", ""], "want 1 to 64 printable characters"),
         ] {
             let error = read(words).unwrap_err();

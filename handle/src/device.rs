@@ -4,18 +4,21 @@
 //! calls may block, allocate or lock. A device opens in [`open`], on another thread, and is at rest from then until its first command;
 //! dropping it must leave it without power.
 
+mod robot;
+mod room;
 mod simulated;
 
 use std::fmt;
 use std::str::FromStr;
 
-use teleclay_operator::{DeviceSample, IntentError, SimulatedHandleError};
+use teleclay_operator::{DeviceSample, IntentError, RobotError, RobotState, SimulatedHandleError};
 use teleclay_proto::Axes;
 use teleclay_proto::join::Granted;
 use teleclay_proto::{ToolDescription, join::LoopParameters};
 
 use crate::intent::Wish;
 
+pub use robot::RobotDevice;
 pub use simulated::SimulatedDevice;
 
 /// What a device is told each tick. A device that moves by position commands (the handle of \[KHMH03\] is one) follows `position_m`; one
@@ -54,6 +57,11 @@ pub trait Device: Send {
 
     /// What whoever holds it asks for, each thing once.
     fn poll_request(&mut self) -> Option<DeviceRequest>;
+
+    /// How its arms stand, when it has some.
+    fn robot(&self) -> Option<RobotState> {
+        None
+    }
 }
 
 /// Why a device cannot be used.
@@ -73,6 +81,9 @@ pub enum DeviceError {
     /// The loop's parameters make no simulated handle.
     #[error(transparent)]
     Simulation(#[from] SimulatedHandleError),
+    /// There is no such robot.
+    #[error(transparent)]
+    Robot(#[from] RobotError),
 }
 
 /// The devices there are.
@@ -81,16 +92,19 @@ pub enum DeviceKind {
     /// The servo and arm of \[KHMH03\] in software, with an operator who follows an intent.
     #[default]
     Simulated,
+    /// The same operator and servo on the three arms of the parallel robot, with joints that have limits.
+    Robot,
 }
 
 impl DeviceKind {
     /// Every kind.
-    pub const ALL: [Self; 1] = [Self::Simulated];
+    pub const ALL: [Self; 2] = [Self::Simulated, Self::Robot];
 
     /// The word that stands for it in arguments.
     pub const fn word(self) -> &'static str {
         match self {
             Self::Simulated => "simulated",
+            Self::Robot => "robot",
         }
     }
 }
@@ -103,7 +117,7 @@ impl fmt::Display for DeviceKind {
 
 /// A word that names no device.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("`{got}` is not a device, have simulated")]
+#[error("`{got}` is not a device, have simulated and robot")]
 pub struct UnknownDevice {
     /// The word.
     pub got: String,
@@ -162,6 +176,13 @@ impl Workplace {
             block_m,
         }
     }
+
+    fn handle_axes(&self) -> teleclay_operator::Axes {
+        match self.axes {
+            Axes::Two => teleclay_operator::Axes::Two,
+            Axes::Three => teleclay_operator::Axes::Three,
+        }
+    }
 }
 
 /// Opens a device for a workplace.
@@ -175,6 +196,24 @@ pub fn open(
 ) -> Result<Box<dyn Device>, DeviceError> {
     match kind {
         DeviceKind::Simulated => Ok(Box::new(SimulatedDevice::new(wish, workplace)?)),
+        DeviceKind::Robot => Ok(Box::new(RobotDevice::new(wish, workplace)?)),
+    }
+}
+
+/// The rounds of a cutting operator, each of which ends with a wish for fresh clay.
+#[derive(Clone, Copy, Debug, Default)]
+struct Rounds {
+    asked_for: u64,
+}
+
+impl Rounds {
+    /// The request that goes with so many finished rounds, each once.
+    fn request(&mut self, finished: u64) -> Option<DeviceRequest> {
+        if finished <= self.asked_for {
+            return None;
+        }
+        self.asked_for = finished;
+        Some(DeviceRequest::FreshClay)
     }
 }
 
@@ -190,7 +229,7 @@ mod tests {
         let error = "omega.7".parse::<DeviceKind>().unwrap_err();
         assert_eq!(
             error.to_string(),
-            "`omega.7` is not a device, have simulated"
+            "`omega.7` is not a device, have simulated and robot"
         );
     }
 }

@@ -19,7 +19,7 @@ use teleclay_link::replica::Workplace;
 use teleclay_link::safety::NotFinite;
 use teleclay_link::scheme::replica::Picture;
 use teleclay_link::time::Timestamp;
-use teleclay_operator::DeviceSample;
+use teleclay_operator::{DeviceSample, RobotState};
 use teleclay_proto::Scheme;
 use teleclay_proto::frame::CopyState;
 use teleclay_shell::Clock;
@@ -101,6 +101,7 @@ pub(crate) struct Record {
     pub(crate) wishes: Wishes,
     pub(crate) fault: Option<NotFinite>,
     pub(crate) request: Option<DeviceRequest>,
+    pub(crate) robot: Option<RobotState>,
 }
 
 /// The ends of the rings that the tick does not hold.
@@ -250,6 +251,7 @@ impl Engine {
             },
             fault: self.seat.side.fault(),
             request: self.request,
+            robot: self.device.robot(),
         };
         if mode == Mode::Resting {
             self.change_seats(now);
@@ -389,6 +391,7 @@ pub(crate) fn sample_record() -> Record {
         },
         fault: None,
         request: None,
+        robot: None,
     }
 }
 

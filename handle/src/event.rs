@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use teleclay_operator::Singularity;
 use teleclay_proto::{NodeName, Scheme, SessionId};
 
 use crate::status::Status;
@@ -102,6 +103,15 @@ pub enum Event {
         /// Why.
         reason: String,
     },
+    /// A robot comes to its fence: it slows down and resists.
+    AtFence {
+        /// The singularity behind it.
+        nearest: Singularity,
+        /// How far from it, 1 down to 0.
+        clearance: f64,
+    },
+    /// The robot is clear of it again.
+    ClearOfFence,
     /// How it goes, once a second.
     Status(Box<Status>),
 }
@@ -129,13 +139,15 @@ impl Event {
             | Self::NotRefreshed { .. }
             | Self::SessionFault
             | Self::NoFreshClay { .. }
+            | Self::AtFence { .. }
             | Self::RecordingEnded { .. } => Weight::Warning,
             Self::Joined { .. }
             | Self::Ticking { .. }
             | Self::Copied { .. }
+            | Self::Together { .. }
             | Self::Paused
-            | Self::FreshClay { .. } => Weight::Notice,
-            Self::Together { .. } => Weight::Notice,
+            | Self::FreshClay { .. }
+            | Self::ClearOfFence => Weight::Notice,
             Self::Live { after_s, .. } if after_s.is_some() => Weight::Notice,
             Self::Live { .. } | Self::RoundFinished { .. } | Self::Status(_) => Weight::Detail,
         }
@@ -237,6 +249,11 @@ impl fmt::Display for Event {
             Self::RecordingEnded { reason } => {
                 write!(f, "ticks are no longer recorded: {reason}")
             }
+            Self::AtFence { nearest, clearance } => write!(
+                f,
+                "the robot comes near a singularity ({nearest}; clearance {clearance:.2} of 1): it slows down and resists"
+            ),
+            Self::ClearOfFence => f.write_str("the robot is clear of the singularity"),
             Self::Status(status) => write!(f, "{status}"),
         }
     }

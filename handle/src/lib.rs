@@ -2,7 +2,7 @@
 //!
 //! | module | holds |
 //! |---|---|
-//! | [`device`] | what a device must do; the simulated one |
+//! | [`device`] | what a device must do; the simulated ones: the paper's handle, the parallel robot |
 //! | [`intent`] | what the simulated operator is to do |
 //! | [`arguments`] | the command line |
 //! | [`mod@run`] | join, drive the device, notice what is lost, join again, leave |
@@ -10,7 +10,8 @@
 //! | [`recording`] | every tick in a file |
 //!
 //! Within, `engine` is the tick; `seat` is one lease as the tick holds it, and `line` the network's end of the same lease; `outbox` carries
-//! frames from the one to the other; `brake` brings the handle to rest when loops are exchanged; `join` asks the server.
+//! frames from the one to the other; `brake` brings the handle to rest when loops are exchanged; `join` asks the server;
+//! `singularity` tells when a robot comes near one.
 //!
 //! `refresh` fetches what the loop wants to know while it runs: changed parameters, and pictures of the clay for the replica.
 //!
@@ -34,6 +35,7 @@ mod join;
 mod line;
 mod outbox;
 mod seat;
+mod singularity;
 
 pub use join::JoinError;
 pub use line::LineError;

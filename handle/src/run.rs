@@ -23,6 +23,7 @@ use crate::join::{self, Invitation, JoinError, OldLease, Welcome};
 use crate::line::{Line, LineError};
 use crate::recording::Recording;
 use crate::refresh::{self, Fresh, Wishes};
+use crate::singularity::Lookout;
 use crate::status::{State, Status, Tally};
 use teleclay_link::time::Timestamp;
 
@@ -223,6 +224,7 @@ struct Run {
     /// Of the last record: lease, contact, and since when it lasts.
     contact: (u32, Contact, Instant),
     mode: Mode,
+    lookout: Lookout,
     is_leaving: bool,
 }
 
@@ -255,6 +257,7 @@ impl Run {
             gone: unbounded_channel(),
             contact: (0, Contact::NotYet, started),
             mode: Mode::Resting,
+            lookout: Lookout::default(),
             is_leaving: false,
         };
         run.search();
@@ -486,6 +489,11 @@ impl Run {
         self.mode = record.mode;
         if let Some(fault) = record.fault {
             return Err(Failure::Fault(fault));
+        }
+        if let Some(robot) = &record.robot
+            && let Some(event) = self.lookout.watch(record.at_ns, robot)
+        {
+            self.tell(event);
         }
         if record.request == Some(DeviceRequest::FreshClay) {
             let rounds = self.tally.on_round();

@@ -7,6 +7,7 @@ use hdrhistogram::Histogram;
 use serde::Serialize;
 use teleclay_bilateral::Contact;
 use teleclay_link::arrivals::ArrivalCounts;
+use teleclay_operator::RobotState;
 use teleclay_proto::Scheme;
 
 use crate::engine::{Mode, Record};
@@ -119,6 +120,29 @@ pub struct Status {
     pub joins: u64,
     /// What the scheduler granted to the 1 kHz thread.
     pub scheduler: String,
+    /// How the robot stands, when the device is one.
+    pub robot: Option<RobotStatus>,
+}
+
+/// A robot's posture in the last tick, and how near it came to its limits.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct RobotStatus {
+    /// Joint angles, rad.
+    pub joints_rad: [f64; 3],
+    /// Torques of the joints, N·m.
+    pub torques_n_m: [f64; 3],
+    /// How far from the nearest singularity, from 1 down to 0.
+    pub clearance: f64,
+    /// Least clearance, of the last second in a status line, of the whole run in the summary.
+    pub clearance_min: f64,
+    /// The nearest singularity, in words.
+    pub nearest: String,
+    /// It is at its fence and resists.
+    pub held: bool,
+    /// Ticks in which a joint turned as fast as it may.
+    pub slowed_ticks: u64,
+    /// Ticks in which the hand was stronger than a joint.
+    pub overpowered_ticks: u64,
 }
 
 /// Counts everything.
@@ -139,6 +163,50 @@ pub(crate) struct Tally {
     scheme: Option<Scheme>,
     state: State,
     scheduler: String,
+    robot: Option<RobotTally>,
+}
+
+/// The last posture, and what came before it.
+#[derive(Clone, Copy)]
+struct RobotTally {
+    last: RobotState,
+    clearance_recent: f64,
+    clearance_min: f64,
+    slowed_ticks: u64,
+    overpowered_ticks: u64,
+}
+
+impl RobotTally {
+    fn new(first: RobotState) -> Self {
+        Self {
+            last: first,
+            clearance_recent: first.clearance,
+            clearance_min: first.clearance,
+            slowed_ticks: 0,
+            overpowered_ticks: 0,
+        }
+    }
+
+    fn add(&mut self, state: &RobotState) {
+        self.last = *state;
+        self.clearance_recent = self.clearance_recent.min(state.clearance);
+        self.clearance_min = self.clearance_min.min(state.clearance);
+        self.slowed_ticks += u64::from(state.is_slowed);
+        self.overpowered_ticks += u64::from(state.is_overpowered);
+    }
+
+    fn report(&self, clearance_min: f64) -> RobotStatus {
+        RobotStatus {
+            joints_rad: self.last.joints_rad,
+            torques_n_m: self.last.torques_n_m,
+            clearance: self.last.clearance,
+            clearance_min,
+            nearest: self.last.nearest.to_string(),
+            held: self.last.is_held,
+            slowed_ticks: self.slowed_ticks,
+            overpowered_ticks: self.overpowered_ticks,
+        }
+    }
 }
 
 impl Tally {
@@ -159,6 +227,7 @@ impl Tally {
             scheme: None,
             state: State::Joining,
             scheduler: String::new(),
+            robot: None,
         }
     }
 
@@ -203,6 +272,11 @@ impl Tally {
         self.felt_force_recent_n = self.felt_force_recent_n.max(felt_n);
         self.felt_force_max_n = self.felt_force_max_n.max(felt_n);
         self.scheme = Some(record.scheme);
+        if let Some(state) = &record.robot {
+            self.robot
+                .get_or_insert_with(|| RobotTally::new(*state))
+                .add(state);
+        }
         if record.lease == self.lease {
             self.counts[1].arrivals = record.arrivals;
             self.counts[1].lost_on_the_way_out = record.lost_on_the_way_out;
@@ -232,7 +306,14 @@ impl Tally {
     /// The last second, or however long it has been since the last call.
     pub(crate) fn status(&mut self, time: Duration, state: Option<State>) -> Status {
         let felt_n = std::mem::take(&mut self.felt_force_recent_n);
-        let status = self.report(time, &self.recent, felt_n, state);
+        let mut status = self.report(time, &self.recent, felt_n, state);
+        status.robot = self
+            .robot
+            .as_ref()
+            .map(|robot| robot.report(robot.clearance_recent));
+        if let Some(robot) = &mut self.robot {
+            robot.clearance_recent = robot.last.clearance;
+        }
         self.recent.clear();
         status
     }
@@ -273,6 +354,10 @@ impl Tally {
             rounds: self.rounds,
             joins: self.joins,
             scheduler: self.scheduler.clone(),
+            robot: self
+                .robot
+                .as_ref()
+                .map(|robot| robot.report(robot.clearance_min)),
         }
     }
 }
@@ -300,10 +385,15 @@ impl fmt::Display for Status {
             self.rounds,
         )?;
         if 1 < self.joins {
-            write!(f, ", joined {} times", self.joins)
-        } else {
-            Ok(())
+            write!(f, ", joined {} times", self.joins)?;
         }
+        self.robot.as_ref().map_or(Ok(()), |robot| {
+            write!(
+                f,
+                ", clearance from singularities at least {:.2}",
+                robot.clearance_min
+            )
+        })
     }
 }
 

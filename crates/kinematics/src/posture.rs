@@ -24,6 +24,8 @@ pub struct Posture {
     joints: [[f64; 2]; 3],
     /// `k_j`, m.
     rods_m: [Vector3<f64>; 3],
+    /// The upper link and, as long as it, the direction in which its end moves, m.
+    links_m: [[Vector3<f64>; 2]; 3],
     /// Diagonal of `B_r`, m².
     b_r_m2: Vector3<f64>,
     upper_m: f64,
@@ -75,6 +77,7 @@ impl Geometry {
             position_m: *position_m,
             joints,
             rods_m: [Vector3::zeros(); 3],
+            links_m: [[Vector3::zeros(); 2]; 3],
             b_r_m2: Vector3::zeros(),
             upper_m: self.upper_m,
             lower_m: self.lower_m,
@@ -84,6 +87,7 @@ impl Geometry {
             let upper = (e * cosine + Vector3::z() * sine) * self.upper_m;
             let tangent = (Vector3::z() * cosine - e * sine) * self.upper_m;
             posture.rods_m[j] = position_m + e * self.offset_m - upper;
+            posture.links_m[j] = [upper, tangent];
             posture.b_r_m2[j] = posture.rods_m[j].dot(&tangent);
         }
         posture
@@ -184,6 +188,31 @@ impl Posture {
             return Err(KinematicsError::Singular(Singularity::Serial { arm }));
         }
         Ok((self.k_r() * velocity_m_s).component_div(&self.b_r_m2))
+    }
+
+    /// Platform acceleration in m/s² for joint rates in rad/s and joint accelerations in rad/s²: (13) differentiated once more.
+    /// With `u_j` the upper link and `u_j'` its derivative by `rho_j`,
+    ///
+    /// ```text
+    /// k_j . X_ddot = b_j rho_ddot_j - (k_j . u_j) rho_dot_j² - |X_dot - u_j' rho_dot_j|²
+    /// ```
+    ///
+    /// # Errors
+    /// A rate is not finite, or the rods do not hold the platform.
+    pub fn acceleration_m_s2(
+        &self,
+        rates_rad_s: &Vector3<f64>,
+        accelerations_rad_s2: &Vector3<f64>,
+    ) -> Result<Vector3<f64>, KinematicsError> {
+        require_finite("accelerations_rad_s2", accelerations_rad_s2)?;
+        let velocity_m_s = self.velocity_m_s(rates_rad_s)?;
+        let right = Vector3::from_fn(|j, _| {
+            let (rate, [upper_m, tangent_m]) = (rates_rad_s[j], self.links_m[j]);
+            self.b_r_m2[j] * accelerations_rad_s2[j]
+                - self.rods_m[j].dot(&upper_m) * rate * rate
+                - (velocity_m_s - tangent_m * rate).norm_squared()
+        });
+        Ok(self.inverse_k_r() * right)
     }
 
     /// How far each arm is from stretched or folded: `|cos|` between the rod and the way the elbow moves, from 0

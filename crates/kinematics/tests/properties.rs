@@ -144,6 +144,24 @@ proptest! {
         }
     }
 
+    /// The acceleration is what second differences of the forward solution say, on a path with rates and accelerations.
+    #[test]
+    fn acceleration_agrees_with_second_differences(
+        geometry in geometries(), position in positions(), index in 0..8usize, rates in vectors(), turning in vectors(),
+    ) {
+        let Ok(posture) = geometry.posture(&position, Branch::ALL[index]) else { return Ok(()) };
+        prop_assume!(posture.singularity_within(0.2).is_none());
+        let joints = posture.joints_rad();
+        let [front, back] = geometry.forward(&joints).unwrap();
+        let assembly = if (front - position).norm() < (back - position).norm() { Assembly::Front } else { Assembly::Back };
+        const STEP_S: f64 = 1e-4;
+        let at = |t: f64| geometry.forward_on(&(joints + rates * t + turning * (0.5 * t * t)), assembly);
+        let (Ok(ahead), Ok(here), Ok(behind)) = (at(STEP_S), at(0.0), at(-STEP_S)) else { return Ok(()) };
+        let differences = (ahead - here * 2.0 + behind) / (STEP_S * STEP_S);
+        let acceleration = posture.acceleration_m_s2(&rates, &turning).unwrap();
+        prop_assert!((differences - acceleration).norm() < 1e-3 * (1.0 + acceleration.norm()), "{differences} {acceleration}");
+    }
+
     /// Power is equal at both ends, `tau . rho_dot = F . X_dot`, and the velocity maps undo each other (13), (14).
     #[test]
     fn power_passes_through_unchanged(

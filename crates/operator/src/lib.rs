@@ -10,15 +10,20 @@
 //! ```
 //!
 //! The handle is not back-drivable: it moves only as its position command `v_h` says, and the hand's force reaches the loop
-//! through the sensor alone.
+//! through the sensor alone. [`SimulatedHandle`] is that and no more; [`RobotHandle`] does it with the joints of the parallel robot
+//! and their limits.
 
 mod intent;
 mod path;
+mod person;
+mod robot;
 mod simulated;
 
 pub use intent::{Intent, IntentError, Reach};
 pub use path::{Path, PathError, Waypoint};
+pub use robot::{RobotError, RobotHandle, RobotSetup, RobotState, ServoLimits};
 pub use simulated::{SimulatedHandle, SimulatedHandleError};
+pub use teleclay_kinematics::Singularity;
 
 /// Three-vector in SI units; axes x, y, z of the handle.
 pub type Vec3 = nalgebra::Vector3<f64>;

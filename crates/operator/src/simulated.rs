@@ -10,10 +10,8 @@ use teleclay_control::{
 };
 
 use crate::intent::Intent;
+use crate::person::Person;
 use crate::{Axes, DeviceSample, Vec3};
-
-/// The lift of a two-axis handle moves no faster than this, m/s.
-const LIFT_SPEED_M_S: f64 = 0.08;
 
 /// Why a handle cannot be simulated.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -32,17 +30,11 @@ pub enum SimulatedHandleError {
 /// A person's arm on the paper's handle.
 #[derive(Clone, Debug)]
 pub struct SimulatedHandle {
-    axes: Axes,
-    tick_s: f64,
     /// Outputs: position, velocity, arm's pull.
     plants: [DiscreteStateSpace<3>; 3],
     states: [State; 3],
     commands: [f64; 3],
-    lift_m: f64,
-    arm_stiffness_damping: (f64, f64),
-    intent: Intent,
-    ticks: u64,
-    rounds: u64,
+    person: Person,
 }
 
 impl SimulatedHandle {
@@ -55,18 +47,13 @@ impl SimulatedHandle {
         let x = with_arm(&paper::g_hx(), &arm)?.zoh(tick_s)?;
         let y = with_arm(&paper::g_hy(), &arm)?.zoh(tick_s)?;
         let coefficients = arm.coefficients();
+        let arm_stiffness_damping = (coefficients[2], coefficients[1]);
         Ok(Self {
-            axes,
-            tick_s,
             // A third axis takes the x plant.
             plants: [x.clone(), y, x],
             states: [State::default(); 3],
             commands: [0.0; 3],
-            lift_m: 0.0,
-            arm_stiffness_damping: (coefficients[2], coefficients[1]),
-            intent,
-            ticks: 0,
-            rounds: 0,
+            person: Person::new(axes, tick_s, intent, arm_stiffness_damping),
         })
     }
 
@@ -78,17 +65,10 @@ impl SimulatedHandle {
         let mut position = Vec3::from(outputs.map(|output| output[0]));
         let mut velocity = Vec3::from(outputs.map(|output| output[1]));
         let pull = Vec3::from(outputs.map(|output| output[2]));
-        let t_s = self.time_s();
-        let muscle = self.intent.muscle_force(
-            t_s,
-            position,
-            velocity,
-            self.arm_stiffness_damping,
-            self.axes,
-        );
-        let mut force = self.intent.sensor_force_n(t_s).unwrap_or(muscle - pull);
-        if self.axes == Axes::Two {
-            position.z = self.lift_m;
+        let muscle = self.person.muscle_force_n(position, velocity);
+        let mut force = self.person.sensor_force_n().unwrap_or(muscle - pull);
+        if self.person.axes() == Axes::Two {
+            position.z = self.person.lift_m();
             velocity.z = 0.0;
             force.z = 0.0;
         }
@@ -101,35 +81,26 @@ impl SimulatedHandle {
 
     /// Applies the position command `v_h`, m, and lets one tick pass.
     pub fn command(&mut self, command_m: [f64; 3]) {
-        for axis in 0..self.axes.count() {
+        for axis in 0..self.person.axes().count() {
             self.plants[axis].advance(&mut self.states[axis], command_m[axis]);
             self.commands[axis] = command_m[axis];
         }
-        let step = LIFT_SPEED_M_S * self.tick_s;
-        self.lift_m += (self.intent.lift_m(self.time_s()) - self.lift_m).clamp(-step, step);
-        self.ticks += 1;
-        let round = self
-            .intent
-            .round_s()
-            .map_or(0, |round_s| (self.time_s() / round_s) as u64);
-        self.rounds = self.rounds.max(round);
+        self.person.pass_tick();
     }
 
     /// Rounds of a cutting intent that are finished.
     pub fn finished_rounds(&self) -> u64 {
-        self.rounds
+        self.person.finished_rounds()
     }
 
     /// Changes what the person wants, from its beginning; the handle stays where it is.
     pub fn intend(&mut self, intent: Intent) {
-        self.intent = intent;
-        self.ticks = 0;
-        self.rounds = 0;
+        self.person.intend(intent);
     }
 
     /// Time since the intent began, s.
     pub fn time_s(&self) -> f64 {
-        self.ticks as f64 * self.tick_s
+        self.person.time_s()
     }
 }
 
@@ -152,6 +123,7 @@ fn with_arm(
 )]
 mod tests {
     use super::*;
+    use crate::person::LIFT_SPEED_M_S;
 
     const TICK_S: f64 = 1e-3;
 

@@ -73,7 +73,7 @@ pub(crate) fn rounded_off(command: Command) -> Command {
             .map(|argument| argument.get_id().clone())
             .filter(|id| *id != "input" && !OF_THE_OUTPUT.contains(&id.as_str()))
             .collect();
-        let command = rounded_off(command).mut_args(|argument| {
+        rounded_off(command).mut_args(|argument| {
             if argument.get_id() == "input" {
                 argument.conflicts_with_all(&others)
             } else if argument.get_action().takes_values() {
@@ -81,8 +81,7 @@ pub(crate) fn rounded_off(command: Command) -> Command {
             } else {
                 argument
             }
-        });
-        command
+        })
     })
 }
 

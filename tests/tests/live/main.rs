@@ -9,6 +9,7 @@
 
 mod endings;
 mod network;
+mod robot;
 mod sharing;
 mod soak;
 mod stopping;

@@ -1,0 +1,95 @@
+//! The parallel robot of \[KHMH03\] in software, held by somebody who follows an intent.
+
+use teleclay_operator::{DeviceSample, RobotHandle, RobotSetup, RobotState};
+
+use super::room::cutting_room;
+use super::{Device, DeviceCommand, DeviceError, DeviceRequest, Rounds, Workplace};
+use crate::intent::Wish;
+
+/// A robot, and its operator's wish for fresh clay after each finished round of cutting.
+#[derive(Debug)]
+pub struct RobotDevice {
+    handle: RobotHandle,
+    rounds: Rounds,
+}
+
+impl RobotDevice {
+    /// The default robot at rest at home.
+    ///
+    /// # Errors
+    /// The intent cannot be had in this workplace, or the tick is no sample time.
+    pub fn new(wish: &Wish, workplace: &Workplace) -> Result<Self, DeviceError> {
+        let intent = wish.intent(cutting_room(workplace))?;
+        let setup = RobotSetup::default();
+        Ok(Self {
+            handle: RobotHandle::new(workplace.handle_axes(), workplace.tick_s, intent, &setup)?,
+            rounds: Rounds::default(),
+        })
+    }
+}
+
+impl Device for RobotDevice {
+    fn name(&self) -> &str {
+        "robot"
+    }
+
+    fn sample(&mut self) -> Result<DeviceSample, DeviceError> {
+        Ok(self.handle.sample())
+    }
+
+    fn command(&mut self, command: &DeviceCommand) -> Result<(), DeviceError> {
+        self.handle.command(command.position_m);
+        Ok(())
+    }
+
+    fn poll_request(&mut self) -> Option<DeviceRequest> {
+        self.rounds.request(self.handle.finished_rounds())
+    }
+
+    fn robot(&self) -> Option<RobotState> {
+        Some(self.handle.state())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::device::room::tests::carving;
+
+    /// The strokes of a cutting operator lie well within the robot's reach: its hand wants to go round without the fence.
+    #[test]
+    fn cutting_strokes_need_no_fence_on_two_and_on_three_axes() {
+        for axes in [teleclay_proto::Axes::Two, teleclay_proto::Axes::Three] {
+            let workplace = Workplace { axes, ..carving() };
+            let room = cutting_room(&workplace);
+            let mut device = RobotDevice::new(&Wish::Idle, &workplace).unwrap();
+            for corner in 0..8 {
+                let side = |bit: u32, most: f64, least: f64| {
+                    if corner & (1 << bit) == 0 {
+                        most
+                    } else {
+                        least
+                    }
+                };
+                let position_m = [
+                    side(0, room.x_m, -room.x_m),
+                    side(1, room.y_m, -room.y_m),
+                    side(2, 0.012, -room.depth_m),
+                ];
+                for _ in 0..2_000 {
+                    device
+                        .command(&DeviceCommand {
+                            position_m,
+                            ..DeviceCommand::default()
+                        })
+                        .unwrap();
+                }
+                let state = device.robot().unwrap();
+                assert!(
+                    !state.is_held && 0.6 < state.clearance,
+                    "{position_m:?}: {state:?}"
+                );
+            }
+        }
+    }
+}
