@@ -20,6 +20,12 @@ beforeAll(async () => {
 }, 300_000);
 
 describe("the Latency page", () => {
+  it("shows the table that it was published with, until there is a newer one", async () => {
+    await until("a table is shown", async () => (await page.page.locator(".latency").getAttribute("data-table")) === "shown");
+    expect(await page.text("origin")).toMatch(/this server|published with this page/);
+    expect(await page.page.locator(".heatmap").count()).toBe(5);
+  });
+
   it("takes a table from a file, and says whose it is", async () => {
     await page.page.getByTestId("table-file").setInputFiles(file);
     await until("the table is shown", async () => (await page.page.locator(".latency").getAttribute("data-table")) === "shown");

@@ -130,9 +130,11 @@ export class WatchedPage {
     return this.page.getByTestId(pointer).getByRole("textbox").inputValue();
   }
 
-  /** Chooses one of a few by its radio button, which may be drawn as something else. */
+  /** Chooses one of a few, where a person would press: on the label, for the radio button itself may be drawn as something else. */
   async choose(group: string, value: string): Promise<void> {
-    await this.page.getByTestId(group).locator(`input[value="${value}"]`).check({ force: true });
+    const input = this.page.getByTestId(group).locator(`input[value="${value}"]`);
+    await this.page.getByTestId(group).locator("label").filter({ has: this.page.locator(`input[value="${value}"]`) }).click();
+    await until(`${group} is ${value}`, () => input.isChecked());
   }
 
   /** Waits until an instrument says something in particular. */

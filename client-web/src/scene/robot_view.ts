@@ -43,6 +43,8 @@ export class RobotView {
   readonly #finish: Finish | undefined;
   #rest_until_ms = Number.NEGATIVE_INFINITY;
   #changed = true;
+  /** What the canvas is to get with the next picture. */
+  #size: { readonly width: number; readonly height: number; readonly pixels: number } | undefined;
 
   /** Throws when the browser has no WebGL 2. */
   constructor(canvas: HTMLCanvasElement) {
@@ -100,14 +102,16 @@ export class RobotView {
     this.#robot.setColours(colours);
     this.#workspace.setColours(colours.ramp);
     this.#trail.setColour(colours.trail);
+    this.#rest_until_ms = Number.NEGATIVE_INFINITY; // a page half in the other theme is worse than a frame too many
     this.#changed = true;
   }
 
+  /** A canvas of another size is empty: it gets that size when the picture for it is drawn, and is stretched until then. */
   resize(width: number, height: number, devicePixels: number): void {
     this.#camera.aspect = Math.max(width, 1) / Math.max(height, 1);
     this.#camera.updateProjectionMatrix();
-    this.#renderer.setPixelRatio(processorDraws() ? 1 : Math.min(devicePixels, 2));
-    this.#renderer.setSize(Math.max(width, 1), Math.max(height, 1), false);
+    this.#size = { width: Math.max(width, 1), height: Math.max(height, 1), pixels: processorDraws() ? 1 : Math.min(devicePixels, 2) };
+    this.#rest_until_ms = Number.NEGATIVE_INFINITY;
     this.#changed = true;
   }
 
@@ -115,6 +119,11 @@ export class RobotView {
     this.#orbit.update();
     if (!this.#changed || this.#finish?.isAhead === true || now_ms < this.#rest_until_ms) return;
     this.#changed = false;
+    if (this.#size !== undefined) {
+      this.#renderer.setPixelRatio(this.#size.pixels);
+      this.#renderer.setSize(this.#size.width, this.#size.height, false);
+      this.#size = undefined;
+    }
     const began_ms = performance.now();
     this.#renderer.render(this.#scene, this.#camera);
     this.#finish?.awaitFrame(began_ms);

@@ -71,6 +71,7 @@ export class ClayView {
   #height = 1;
   #devicePixels = 1;
   #changed = true;
+  #sizeDue = true;
   #shadowsDue = true;
   #shadows_ms = Number.NEGATIVE_INFINITY;
   #rest_until_ms = Number.NEGATIVE_INFINITY;
@@ -176,6 +177,7 @@ export class ClayView {
   }
 
   setColours(colours: ViewColours, dark: boolean): void {
+    this.#rest_until_ms = Number.NEGATIVE_INFINITY; // a page half in the other theme is worse than a frame too many
     this.#scene.background = new THREE.Color(colours.background);
     this.#stage.colour(colours, dark);
     this.#tool.setColour(colours.hand);
@@ -206,6 +208,7 @@ export class ClayView {
     this.#devicePixels = devicePixels;
     this.#camera.aspect = this.#width / this.#height;
     this.#camera.updateProjectionMatrix();
+    this.#rest_until_ms = Number.NEGATIVE_INFINITY;
     this.#fitCanvas();
     if (this.#look !== undefined) this.look(this.#look);
   }
@@ -221,6 +224,7 @@ export class ClayView {
       this.#shadowsDue = false;
       this.#shadows_ms = now_ms;
     }
+    if (this.#sizeDue) this.#takeSize();
     const began_ms = performance.now();
     this.#renderer.render(this.#scene, this.#camera);
     if (this.#finish !== undefined) this.#finish.awaitFrame(began_ms);
@@ -255,11 +259,17 @@ export class ClayView {
     this.#shadowsDue = true;
   }
 
+  /** A canvas of another size is empty: it gets that size when the picture for it is drawn, and is stretched until then. */
   #fitCanvas(): void {
+    this.#sizeDue = true;
+    this.#changed = true;
+  }
+
+  #takeSize(): void {
     const finest = this.#quality === "fine" ? 2 : 1;
     this.#renderer.setPixelRatio(Math.min(this.#devicePixels, finest) * this.#pace.scale);
     this.#renderer.setSize(this.#width, this.#height, false);
-    this.#changed = true;
+    this.#sizeDue = false;
   }
 }
 

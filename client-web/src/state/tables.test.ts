@@ -26,6 +26,23 @@ describe("the latency table", () => {
     expect(platform.requests.map(({ path }) => path)).toEqual(["api/v1/openapi.json"]);
   });
 
+  it("is the published one where the server has none, and the server's where it has", async () => {
+    const platform = serving([], { status: 200, body: TABLE });
+    const tables = new Tables(platform, "assets/latency.json");
+    await tables.look();
+    expect(tables.state.value).toMatchObject({ name: "shown", origin: "published with this page" });
+    expect(platform.requests.map(({ path }) => path)).toEqual(["api/v1/openapi.json", "assets/latency.json"]);
+    const own = new Tables(serving(["/api/v1/latency-table"], { status: 200, body: TABLE }), "assets/latency.json");
+    await own.look();
+    expect(own.state.value).toMatchObject({ origin: "this server" });
+  });
+
+  it("is none where the published one cannot be had", async () => {
+    const tables = new Tables(serving([], { status: 404, body: "" }), "assets/latency.json");
+    await tables.look();
+    expect(tables.state.value).toMatchObject({ name: "none" });
+  });
+
   it("may come from a file, and one that is no table leaves the last one on show", async () => {
     const tables = new Tables(serving([], { status: 404, body: "" }));
     await tables.look();

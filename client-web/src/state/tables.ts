@@ -1,4 +1,4 @@
-// The latency table on show: the server's, or one from a file.
+// The latency table on show: the server's, the one that came with this page, or one from a file.
 
 import { signal, type ReadonlySignal } from "@preact/signals-core";
 import type { LatencyTable } from "../protocol/latency";
@@ -16,12 +16,15 @@ const PATH = `${API}/latency-table`;
 
 export class Tables {
   readonly #platform: Platform;
+  readonly #published: string | undefined;
   readonly #state = signal<TableState>({ name: "looking" });
   /** What was wrong with the last file; the table before it stays. */
   readonly #refusal = signal<string | undefined>(undefined);
 
-  constructor(platform: Platform) {
+  /** `published`: where the table that came with this page lies; nothing when none did. */
+  constructor(platform: Platform, published?: string) {
     this.#platform = platform;
+    this.#published = published;
   }
 
   get state(): ReadonlySignal<TableState> {
@@ -32,12 +35,13 @@ export class Tables {
     return this.#refusal;
   }
 
-  /** Asks the server for its table, unless one is on show. */
+  /** Asks the server for its table, or takes the published one, unless one is on show. */
   async look(): Promise<void> {
     if (this.#state.peek().name === "shown") return;
     this.#state.value = { name: "looking" };
     const found = await this.#ask();
-    if (!this.#isShown()) this.#state.value = found;
+    const best = found.name === "shown" ? found : ((await this.#takePublished()) ?? found);
+    if (!this.#isShown()) this.#state.value = best;
   }
 
   /** Shows the table in a file's text. */
@@ -52,6 +56,16 @@ export class Tables {
 
   #isShown(): boolean {
     return this.#state.peek().name === "shown";
+  }
+
+  async #takePublished(): Promise<TableState | undefined> {
+    if (this.#published === undefined) return undefined;
+    try {
+      const answer = await this.#platform.request("GET", this.#published);
+      return answer.status === 200 ? { name: "shown", table: decodeLatencyTable(answer.body), origin: "published with this page" } : undefined;
+    } catch {
+      return undefined; // it says what the server has to say instead
+    }
   }
 
   async #ask(): Promise<TableState> {

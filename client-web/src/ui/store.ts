@@ -9,7 +9,9 @@ import { pictureQuality } from "./picture_quality";
 
 export const live = new Live(browser);
 export const theory = new Theory(browser);
-export const tables = new Tables(browser);
+/** What `teleclay-latency` made when this page was published, if it was put there. */
+const published = import.meta.glob<string>("../../tables/latency.json", { query: "?url", import: "default", eager: true });
+export const tables = new Tables(browser, Object.values(published).at(0));
 export const clayFeed = new ClayFeed(pictureQuality() === "plain" ? "half" : "full", (reason) => live.report("error", `clay not understood: ${reason}`));
 
 /** Starts the connection: the address may name a session, as in `#/live?session=demo`. */

@@ -47,6 +47,7 @@ export function StabilityPage(): JSX.Element {
     at_rad_s.value = at?.x;
   };
   const { phase: asked } = theory.loop.asked.value;
+  const named = WORDS.find(({ value }) => value === loop.value);
 
   return (
     <div class="page stability" data-asked={asked}>
@@ -67,7 +68,7 @@ export function StabilityPage(): JSX.Element {
         <FigureView content={nyquistFigure} test="nyquist" label={curve.value === undefined ? "Nyquist diagram" : describeCurve(loop.value, curve.value, round_trip_s.value)} />
       </section>
       <section class="panel bode" aria-label="Bode diagram">
-        <header><h2>Bode</h2><span class="faint">{WORDS.find(({ value }) => value === loop.value)?.title}</span></header>
+        <header><h2>Bode</h2><span class="faint" title={named?.title}>{named?.title.split(/[:,]/)[0]}</span></header>
         <FigureView content={magnitude} test="bode-magnitude" label="Bode diagram, magnitude over frequency" onPointer={onBode} />
         <FigureView content={phase} test="bode-phase" label="Bode diagram, phase over frequency" onPointer={onBode} />
       </section>
