@@ -421,6 +421,7 @@ impl ToolSide {
             position: self.position,
             velocity: self.model.reflected(self.velocity),
             clay_force: self.model.reflected(self.clay_force),
+            spring_force: self.model.reflected(self.contact.force_n().into()),
             displacement: self.model.reflected(self.velocity * self.model.tick_s()),
         }
     }

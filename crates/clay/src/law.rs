@@ -133,6 +133,12 @@ impl ContactState {
     pub fn stored_j(&self) -> f64 {
         0.5 * self.stiffness_n_per_m * dot(self.stretch_m, self.stretch_m)
     }
+
+    /// Force of the stretch on the tool, N: the part of the clay's last answer that does not depend on the speed.
+    #[must_use]
+    pub fn force_n(&self) -> [f64; 3] {
+        self.stretch_m.map(|m| -self.stiffness_n_per_m * m)
+    }
 }
 
 /// One tick of a tool: the sweep's poses, and the velocity, which poses on a lattice would give too coarsely.

@@ -67,6 +67,8 @@ pub struct ToolPort {
     pub velocity: Vec3,
     /// Force of the clay on the tool, N: its answer to the last displacement. Zero on axes that reflect no force.
     pub clay_force: Vec3,
+    /// The part of it that is the clay's spring, N, and so does not depend on the speed.
+    pub spring_force: Vec3,
     /// How far the tool moved in the last tick, m; zero on axes that reflect no force.
     pub displacement: Vec3,
 }
@@ -235,12 +237,17 @@ pub fn tool_end(scheme: Scheme, ground: &Ground, turn: Turn) -> Box<dyn ToolEnd>
     }
 }
 
-/// How steeply the clay resists, N s/m: the slope of `resistance` (N, positive against the motion) over `velocity` from the last tick. Exact for viscous
-/// clay; zero where the clay does not take energy.
-pub(crate) fn resistance_slope(resistance: Vec3, velocity: Vec3) -> f64 {
+/// How steeply what the clay answered at this port rises with speed, N s/m at the handle's port. Exact for viscous clay; zero where the clay does not
+/// take energy.
+///
+/// The spring's part is left out: over a speed near zero it would pass for a damper without bounds, and hold the tool fast a little off the
+/// place where the forces balance until the last of the speed is gone, and let it jump then.
+pub(crate) fn resistance_slope(coupling: &Coupling, port: &ToolPort) -> f64 {
+    let velocity = port.velocity / coupling.position_ratio;
+    let flow = coupling.felt(port.spring_force - port.clay_force);
     let speed_squared = velocity.norm_squared();
     if speed_squared < 1e-18 {
         return 0.0;
     }
-    (resistance.dot(&velocity) / speed_squared).max(0.0)
+    (flow.dot(&velocity) / speed_squared).max(0.0)
 }

@@ -217,7 +217,7 @@ impl ToolEnd for TdpaTool {
         let wish = self.wish(port);
         let velocity = port.velocity / self.coupling.position_ratio;
         let resistance = -self.coupling.felt(port.clay_force);
-        let slope = resistance_slope(resistance, velocity);
+        let slope = resistance_slope(&self.coupling, port);
         let half_mass_kg = 0.5 * self.coupling.felt_mass_kg();
         let afforded = Vec3::from_fn(|axis, _| {
             let wish = wish[axis];

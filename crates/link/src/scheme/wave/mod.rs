@@ -227,8 +227,8 @@ impl ToolEnd for WaveTool {
             root,
         } = self.port.medium;
         let resistance = -self.coupling.felt(port.clay_force);
-        let inertia =
-            self.coupling.felt_mass_kg() / tick_s + resistance_slope(resistance, self.velocity);
+        let slope = resistance_slope(&self.coupling, port);
+        let inertia = self.coupling.felt_mass_kg() / tick_s + slope;
         let next = Vec3::from_fn(|axis, _| {
             let damping = impedance + self.port.upkeep(axis);
             let push = root * self.port.acting[axis] - resistance[axis];
