@@ -22,7 +22,7 @@ use crate::field::Field;
 use crate::lanes::{Work, widely};
 use crate::pose::Pose;
 
-pub use points::Tool;
+pub use points::{Tool, row_spacing_m};
 use sampler::Sampler;
 
 /// How far from its faces a tool feels for clay, in voxels: where a cut's ramp ends and the clay ahead is whole.

@@ -157,15 +157,18 @@ impl Scaled {
                     .sum();
                 let correction = (probe.log_derivative - repulsion).inv();
                 let usable = correction.re.is_finite() && correction.im.is_finite();
+                // What settles a candidate is the polynomial. A small correction alone does not: a neighbour that has come too near makes one as well.
+                let last_digit = f64::EPSILON * z.norm();
+                let settled = probe.at_rest || probe.log_derivative.inv().norm() <= last_digit;
+                let pinned = !settled && correction.norm() <= last_digit;
                 // One last correction is taken even at rest: it costs nothing and often gives the final digit.
-                if usable && !(probe.at_rest && 1e-6 * z.norm() < correction.norm()) {
+                if usable && !pinned && !(settled && 1e-6 * z.norm() < correction.norm()) {
                     roots[i] = z - correction;
-                } else if !probe.at_rest {
+                } else if !settled {
                     // Two candidates in one place, or a flat spot: step aside, by the same amount every time.
                     roots[i] = z * Complex::new(1.01, 0.02);
                 }
-                resting[i] =
-                    probe.at_rest || (usable && correction.norm() <= f64::EPSILON * z.norm());
+                resting[i] = settled;
             }
             if resting.iter().all(|r| *r) {
                 return Ok(roots);

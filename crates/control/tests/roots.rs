@@ -223,6 +223,37 @@ proptest! {
     }
 }
 
+/// On the way to these roots two candidates come within rounding of each other. What pushes them apart then makes the step of one of them vanish, which is
+/// no sign of a root.
+#[test]
+fn a_candidate_that_a_neighbour_pins_down_is_not_taken_for_a_root() {
+    let p = polynomial(&[
+        21600799996.58693,
+        1e6,
+        5.188070283922556,
+        1e6,
+        0.0005447995139039054,
+        1.0,
+        -6.0438261509885246e-6,
+        1e-6,
+        -7436456.232034035,
+        1e11,
+        -57283027.7070825,
+        502615123.8061707,
+        1e11,
+        -685345.3569922516,
+        53581.86159683474,
+        3.7473409762552325,
+        0.0,
+        -4.792059879109159e-7,
+        -6056.180173667702,
+        1e11,
+        9.647170966554577e-8,
+        0.6223045496759456,
+    ]);
+    assert_roots(&p, &p.roots().unwrap());
+}
+
 #[test]
 fn repeated_roots_up_to_the_cap_end_in_time() {
     for n in 1..=24 {

@@ -2,7 +2,6 @@
 
 use teleclay_control::{DelayMargin, Polynomial, PolynomialError, delay_margin, paper};
 
-use super::specimen::velocity_error;
 use super::{
     CuttingInputs, LEAST_PLATEAU_TICKS, LONGEST_S, MOST_RANGES, Push, Refusal, Specimen,
     TRACE_SAMPLES, VELOCITY_TOLERANCE,
@@ -162,7 +161,7 @@ impl CuttingInputs {
                 });
             }
             let depth_m = specimen.depths_of_cut_m[range];
-            let error = velocity_error(self, range, depth_m, specimen.voxel_size_m);
+            let error = specimen.velocity_error(self, range);
             if VELOCITY_TOLERANCE < error {
                 return Err(Refusal::TooShallow {
                     range,

@@ -115,15 +115,10 @@ fn ball_pairs(ball: &Ball) -> Vec<FacePair> {
 
 /// Points evenly spread on three faces of the box; their opposites make up the other three.
 fn blade_pairs(blade: &Blade) -> Vec<FacePair> {
-    let half_m = ToolShape::Blade(*blade)
-        .extents_m()
-        .map(|extent_m| 0.5 * extent_m);
-    let face_m2 = |axis: usize| 4.0 * half_m[(axis + 1) % 3] * half_m[(axis + 2) % 3];
-    let largest_m2 = (0..3).map(face_m2).fold(0.0, f64::max);
+    let half_m = half_extents_m(blade);
     let mut pairs = Vec::new();
     for axis in 0..3 {
-        let count = (face_m2(axis) / largest_m2 * FACE_PAIRS as f64) as usize;
-        let count = count.max(LEAST_FACE_PAIRS);
+        let count = face_pairs(half_m, axis);
         // In even steps along the longer edge, so that clay which ends across it is measured finely.
         let (a, b) = ((axis + 1) % 3, (axis + 2) % 3);
         let (long, short) = if half_m[a] < half_m[b] {
@@ -144,9 +139,39 @@ fn blade_pairs(blade: &Blade) -> Vec<FacePair> {
             pairs.push(FacePair {
                 offset_m,
                 normal,
-                area_m2: face_m2(axis) / count as f64,
+                area_m2: face_m2(half_m, axis) / count as f64,
             });
         }
     }
     pairs
+}
+
+/// Distance between the rows of points along the longer edge of a blade's faces across `axis`, m: clay that ends between two rows is felt to end at one of
+/// them.
+///
+/// # Panics
+/// When `axis` is not 0, 1 or 2.
+#[must_use]
+pub fn row_spacing_m(blade: &Blade, axis: usize) -> f64 {
+    assert!(axis < 3, "axis {axis}");
+    let half_m = half_extents_m(blade);
+    let long_m = half_m[(axis + 1) % 3].max(half_m[(axis + 2) % 3]);
+    2.0 * long_m / face_pairs(half_m, axis) as f64
+}
+
+fn half_extents_m(blade: &Blade) -> [f64; 3] {
+    let extents_m = ToolShape::Blade(*blade).extents_m();
+    extents_m.map(|extent_m| 0.5 * extent_m)
+}
+
+/// Area of a face of the box across `axis`, m².
+fn face_m2(half_m: [f64; 3], axis: usize) -> f64 {
+    4.0 * half_m[(axis + 1) % 3] * half_m[(axis + 2) % 3]
+}
+
+/// Points on the face across `axis`, in rows along its longer edge.
+fn face_pairs(half_m: [f64; 3], axis: usize) -> usize {
+    let largest_m2 = (0..3).map(|axis| face_m2(half_m, axis)).fold(0.0, f64::max);
+    let count = (face_m2(half_m, axis) / largest_m2 * FACE_PAIRS as f64) as usize;
+    count.max(LEAST_FACE_PAIRS)
 }
