@@ -11,6 +11,16 @@
 //!
 //! So with clay whose exact margin is a little more than the line's round trip and those two ticks the loop has to calm down, and with
 //! clay whose margin is a little less it has to swing up.
+//!
+//! In force exchange each side feels its own plant without the line, and the tick is in those loops, too: `T / 2` in the hand's, `T / 2` for the command that is
+//! held and `T / 2` for the velocity in the clay's. Its model of the handle looks one tick ahead, so the frame's tick is not lost. With
+//! `H' = H exp(-s T/2)` and `E' = E exp(-s T)` its loop is
+//!
+//! ```text
+//! (1 + E') (1 + H') - H' E' exp(-s d) = 0        d the line's round trip, and nothing else
+//! ```
+//!
+//! which is solved here on the axis; without the tick that is the margin of `teleclay_control`, found another way.
 
 mod rigs;
 
@@ -19,7 +29,7 @@ use teleclay_bilateral::Lines;
 use teleclay_bilateral::rig::Rig;
 use teleclay_control::compensators::Sides;
 use teleclay_control::{
-    ClosedLoop, DelayMargin, DelayedScheme, Polynomial, RationalFunction, paper,
+    ClosedLoop, Complex, DelayMargin, DelayedScheme, Polynomial, RationalFunction, paper,
 };
 use teleclay_link::conditioner::Impairment;
 use teleclay_operator::Intent;
@@ -156,17 +166,72 @@ impl Case {
 
     /// The clay's damping whose exact margin is `round_trip_s`.
     fn damping_for_margin(&self, scheme: DelayedScheme, round_trip_s: f64) -> f64 {
-        let (mut bearing, mut failing) = (1.0_f64, 1e3_f64);
-        while 1.000_01 * bearing < failing {
-            let middle = (bearing * failing).sqrt();
-            if self.margin(scheme, middle).bears(round_trip_s) {
-                bearing = middle;
-            } else {
-                failing = middle;
-            }
-        }
-        bearing
+        most_that([1.0, 1e3], |damping| {
+            self.margin(scheme, damping).bears(round_trip_s)
+        })
     }
+
+    /// `H'` and `E'` of force exchange on the axis, with a tick of this length.
+    fn local_loops(&self, damping: f64, tick_s: f64, omega_rad_s: f64) -> [Complex<f64>; 2] {
+        let servo = if self.axis == 0 {
+            paper::g_hx()
+        } else {
+            paper::g_hy()
+        };
+        let c_h1 = paper::c_h1(self.mass_kg, self.damping_n_s_per_m).unwrap();
+        let admittance = servo.at_omega(omega_rad_s).unwrap() * c_h1.at_omega(omega_rad_s).unwrap();
+        let s = Complex::new(0.0, omega_rad_s);
+        let clay =
+            (s * damping + self.clay_stiffness_n_per_m) * self.position_ratio / self.force_ratio;
+        [
+            admittance * paper::t_hx().at(s) * (-s * (0.5 * tick_s)).exp(),
+            admittance * clay * (-s * tick_s).exp(),
+        ]
+    }
+
+    /// The least round trip at which force exchange has a root on the axis, s; `None` where no delay brings one there.
+    fn force_exchange_margin_s(&self, damping: f64, tick_s: f64) -> Option<f64> {
+        // What the delay has to turn by: (1 + E') (1 + H') / (H' E').
+        let turn = |omega: f64| {
+            let [h, e] = self.local_loops(damping, tick_s, omega);
+            (e + 1.0) * (h + 1.0) / (h * e)
+        };
+        let at = |step: u32| 0.3 * 1.001_f64.powi(step as i32);
+        let mut least: Option<f64> = None;
+        for step in 0..8000 {
+            let (mut low, mut high) = (at(step), at(step + 1));
+            let is_above = 1.0 < turn(low).norm();
+            if is_above == (1.0 < turn(high).norm()) {
+                continue;
+            }
+            for _ in 0..60 {
+                let middle = 0.5 * (low + high);
+                if is_above == (1.0 < turn(middle).norm()) {
+                    low = middle;
+                } else {
+                    high = middle;
+                }
+            }
+            let delay_s = (-turn(low).arg()).rem_euclid(std::f64::consts::TAU) / low;
+            least = Some(least.map_or(delay_s, |least| least.min(delay_s)));
+        }
+        least
+    }
+}
+
+/// The largest damping in a range, N s/m, of which something holds that holds of little.
+fn most_that([least, most]: [f64; 2], holds: impl Fn(f64) -> bool) -> f64 {
+    let (mut holding, mut failing) = (least, most);
+    assert!(holds(holding) && !holds(failing));
+    while 1.000_01 * holding < failing {
+        let middle = (holding * failing).sqrt();
+        if holds(middle) {
+            holding = middle;
+        } else {
+            failing = middle;
+        }
+    }
+    holding
 }
 
 #[test]
@@ -244,5 +309,76 @@ fn position_force_dies_where_the_exact_margin_says() {
             case.grows(Scheme::PositionForce, above),
             "calm at {above} N s/m, margin {within} below {ticks} ticks"
         );
+    }
+}
+
+/// Handles so light that the arm alone nearly makes their servo swing: there force exchange has a margin.
+#[test]
+fn force_exchange_dies_where_the_exact_margin_says() {
+    let light = |mass_kg, damping_n_s_per_m| Case {
+        mass_kg,
+        damping_n_s_per_m,
+        ..PAPER
+    };
+    let scaled = Case {
+        position_ratio: 1.2,
+        force_ratio: 1.5,
+        ..light(0.3, 8.0)
+    };
+    for case in [
+        light(0.3, 8.0).over(6, 5),
+        light(0.3, 8.0).over(18, 3),
+        light(0.2, 10.0).over(6, 5),
+        light(0.5, 1.0).over(6, 6),
+        light(0.5, 4.0).over(17, 18),
+        scaled.over(10, 10),
+    ] {
+        // Without a tick this is the margin of the control room, which is found over the polynomials.
+        let plain = case.force_exchange_margin_s(40.0, 0.0);
+        let exact = case.margin(DelayedScheme::ForceExchange, 40.0).seconds();
+        let off = plain.zip(exact).map(|(plain, exact)| plain / exact - 1.0);
+        assert!(
+            off.is_some_and(|off| off.abs() < 1e-6),
+            "{plain:?} and {exact:?}"
+        );
+
+        let round_trip_s = f64::from(case.up_ticks + case.down_ticks) * TICK_S;
+        let critical = |share: f64| {
+            // Below 15 N s/m there is no margin, beyond 55 the tick alone is too much for some.
+            most_that([15.0, 55.0], |damping| {
+                case.force_exchange_margin_s(damping, TICK_S)
+                    .is_none_or(|margin_s| share * round_trip_s < margin_s)
+            })
+        };
+        let (below, at, above) = (critical(1.05), critical(1.0), critical(0.95));
+        println!(
+            "{:.1} ms at 40 N s/m; {:.0} ms at {at:.1} N s/m, tried {below:.1} and {above:.1}",
+            1e3 * exact.unwrap_or(f64::NAN),
+            1e3 * round_trip_s
+        );
+        assert!(
+            !case.grows(Scheme::ForceExchange, below),
+            "swings at {below} N s/m, 5 % inside {round_trip_s} s"
+        );
+        assert!(
+            case.grows(Scheme::ForceExchange, above),
+            "calm at {above} N s/m, 5 % beyond {round_trip_s} s"
+        );
+    }
+}
+
+/// With the paper's gains no delay is too much for it.
+#[test]
+fn force_exchange_bears_a_second_where_there_is_no_margin() {
+    for damping in [20.0, 40.0, 60.0] {
+        let margin = PAPER.margin(DelayedScheme::ForceExchange, damping);
+        assert_eq!(margin, DelayMargin::Unbounded);
+        assert_eq!(PAPER.force_exchange_margin_s(damping, TICK_S), None);
+        for case in [PAPER.over(500, 500), PAPER.over(900, 100)] {
+            assert!(
+                !case.grows(Scheme::ForceExchange, damping),
+                "{damping} N s/m"
+            );
+        }
     }
 }

@@ -20,8 +20,8 @@ use teleclay_bilateral::rig::Rig;
 use teleclay_link::conditioner::{Impairment, JitterDistribution};
 use teleclay_link::deadband::DeadbandSettings;
 use teleclay_operator::Intent;
-use teleclay_proto::Material;
-use teleclay_proto::Scheme;
+use teleclay_proto::join::LoopParameters;
+use teleclay_proto::{Axes, Material, Scheme};
 
 /// Rounding of sums of a few joules.
 const NOTHING_J: f64 = 1e-6;
@@ -66,6 +66,123 @@ impl Task {
             Self::Bounce => embedded(parameters, swing(), material(1e4, 2e4, 2e4), lines),
         }
     }
+}
+
+/// What the person does with a handle that reflects force in all three axes.
+#[derive(Clone, Copy, Debug)]
+enum Task3 {
+    /// A steady push along and down through thick clay, until the blade leaves it below.
+    Push,
+    /// A swinging push, up and down as well, in thick clay.
+    Swing,
+    /// A hand that shakes in all directions in thick clay.
+    Shake,
+    /// A ball that presses into the surface and is lifted off it again, and shakes.
+    Tap,
+    /// A swinging push on clay that springs back.
+    Bounce,
+}
+
+impl Task3 {
+    const ALL: [Self; 5] = [
+        Self::Push,
+        Self::Swing,
+        Self::Shake,
+        Self::Tap,
+        Self::Bounce,
+    ];
+
+    fn rig(self, scheme: Scheme, line: Impairment, seed: u64) -> Rig {
+        let parameters = LoopParameters {
+            axes: Axes::Three,
+            ..running(scheme)
+        };
+        let lines = both_ways(line, seed);
+        let swing = || Intent::sinusoid([2.0, 1.0, -2.5], 1.0).unwrap();
+        let shake = || Intent::sinusoid([3.0, 1.5, 4.0], 3.0).unwrap();
+        match self {
+            Self::Push => {
+                let push = Intent::constant_force([1.0, 0.5, -2.0]).unwrap();
+                embedded(parameters, push, viscous(2e5), lines)
+            }
+            Self::Swing => embedded(parameters, swing(), viscous(2e5), lines),
+            Self::Shake => embedded(parameters, shake(), viscous(2e5), lines),
+            Self::Tap => carving(parameters, shake(), Material::default(), lines),
+            Self::Bounce => embedded(parameters, swing(), material(1e4, 2e4, 2e4), lines),
+        }
+    }
+}
+
+fn assert_passive_in_three_axes(scheme: Scheme) {
+    let (mut least, mut most_pressed_n) = (f64::INFINITY, 0.0_f64);
+    for (delay_ms, seed) in [(0, 21), (1, 22), (25, 23), (100, 24), (250, 25)] {
+        let steady = line(delay_ms, 0.0, 0.0);
+        for harm in [
+            steady,
+            line(delay_ms, 0.5, 0.0),
+            line(delay_ms, 0.5, 0.3),
+            Impairment {
+                bursts: Some(BURSTS),
+                ..steady
+            },
+            Impairment {
+                outages: Some(OUTAGES),
+                ..steady
+            },
+            Impairment {
+                jitter: steady.delay / 2,
+                distribution: JitterDistribution::HeavyTailed,
+                duplicate: 0.3,
+                reorder: 0.2,
+                bursts: Some(BURSTS),
+                ..steady
+            },
+        ] {
+            for task in Task3::ALL {
+                let mut rig = task.rig(scheme, harm, seed);
+                for _ in 0..3200 {
+                    rig.tick();
+                    most_pressed_n = most_pressed_n.max(rig.tool().view().force_n[2].abs());
+                }
+                if rig.least_energy_j() < -NOTHING_J {
+                    println!(
+                        "{scheme:?} gave {} J: {task:?}, {harm:?}",
+                        rig.least_energy_j()
+                    );
+                }
+                least = least.min(rig.least_energy_j());
+            }
+        }
+    }
+    assert!(-NOTHING_J <= least, "{scheme:?} gave {} J", -least);
+    assert!(
+        0.5 < most_pressed_n,
+        "the third axis felt {most_pressed_n} N"
+    );
+}
+
+#[test]
+fn wave_gives_nothing_in_three_axes() {
+    assert_passive_in_three_axes(Scheme::Wave);
+}
+
+#[test]
+fn tdpa_gives_nothing_in_three_axes() {
+    assert_passive_in_three_axes(Scheme::Tdpa);
+}
+
+/// The third axis is in the count: there position-force is caught giving.
+#[test]
+fn position_force_is_caught_giving_in_the_third_axis() {
+    let parameters = LoopParameters {
+        axes: Axes::Three,
+        ..running(Scheme::PositionForce)
+    };
+    let lines = both_ways(line(100, 0.0, 0.0), 1);
+    let up_and_down = Intent::sinusoid([0.0, 0.0, 4.0], 3.0).unwrap();
+    let mut rig = embedded(parameters, up_and_down, viscous(2e6), lines);
+    rig.run_for(Duration::from_secs(3));
+    assert!(rig.least_energy_j() < -0.02, "{} J", rig.least_energy_j());
 }
 
 /// The worst that any task brought over this line, J.
@@ -154,7 +271,7 @@ fn position_force_is_caught_giving() {
 fn ratios_do_not_make_energy() {
     for scheme in [Scheme::Wave, Scheme::Tdpa] {
         for (position_ratio, force_ratio) in [(0.5, 3.0), (2.0, 0.7)] {
-            let parameters = teleclay_proto::join::LoopParameters {
+            let parameters = LoopParameters {
                 position_ratio,
                 force_ratio,
                 ..running(scheme)

@@ -9,7 +9,7 @@ use teleclay_clay::{Clay, Shape};
 use teleclay_link::conditioner::{Bursts, Impairment, Outages};
 use teleclay_operator::{Intent, Reach};
 use teleclay_proto::join::LoopParameters;
-use teleclay_proto::{Axes, Material, Scheme, ToolDescription};
+use teleclay_proto::{Material, Scheme, ToolDescription};
 
 pub(crate) const TICK: Duration = Duration::from_millis(1);
 pub(crate) const TICK_S: f64 = 1e-3;
@@ -76,7 +76,6 @@ pub(crate) fn embedded(
         parameters: LoopParameters {
             home_m: [0.064, 0.032, 0.034],
             reach_m: [[-0.1, -0.1, -0.1], [0.3, 0.2, 0.2]],
-            axes: Axes::Two,
             material,
             ..parameters
         },

@@ -249,8 +249,12 @@ impl ToolEnd for WaveTool {
         let work_j =
             port.clay_force.component_mul(&port.displacement) / self.coupling.power_ratio();
         let stored_j = self.kinetic_j(velocity) - self.kinetic_j(self.velocity);
+        // As it was: sending changes what the port needs.
+        self.line_force = Vec3::from_fn(|axis, _| {
+            let damping = impedance + self.port.upkeep(axis);
+            root * self.port.acting[axis] - damping * velocity[axis]
+        });
         self.port.send(displacement, work_j - stored_j);
-        self.line_force = self.port.acting * root - velocity * impedance;
         self.velocity = velocity;
     }
 
