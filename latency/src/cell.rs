@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use serde::{Deserialize, Serialize};
 use teleclay_bilateral::Lines;
 use teleclay_link::conditioner::{Bursts, Impairment, Outages};
 use teleclay_proto::Scheme;
@@ -38,7 +39,8 @@ const OUTAGE: Outages = Outages {
 pub const OUTAGE_OVER: Duration = Duration::from_millis(4200);
 
 /// What is done to the line or to the clay beside delay, jitter and independent loss.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Profile {
     /// Nothing.
     Iid,

@@ -12,9 +12,8 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, ensure};
 use clap::Parser;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use serde::Serialize;
 use teleclay_latency::cell::{Cell, Extent, Profile, cells};
-use teleclay_latency::report::{Measure, heatmap, markdown};
+use teleclay_latency::report::{Document, Measure, heatmap, markdown};
 use teleclay_latency::run::{self, Outcome};
 use teleclay_latency::table::Row;
 use teleclay_latency::wall::{self, WallRow};
@@ -65,19 +64,15 @@ struct Arguments {
     /// Only cells with this profile: iid, bursts, outage, second_writer
     #[arg(long, value_name = "PROFILE", value_parser = profile)]
     profile: Option<Profile>,
+    /// Run nothing: take a table that `--json` wrote, and write it as Markdown, as heatmaps or shortened
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["quick", "seeds", "first_seed", "no_wall", "threads"])]
+    from: Option<PathBuf>,
     /// Leave out the naive walls
     #[arg(long)]
     no_wall: bool,
     /// Threads that work [default: as many as there are cores]
     #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u16).range(1..=256))]
     threads: Option<u16>,
-}
-
-/// What goes into the JSON file.
-#[derive(Serialize)]
-struct Document<'a> {
-    wall: &'a [WallRow],
-    cells: &'a [Row],
 }
 
 fn main() -> ExitCode {
@@ -92,6 +87,34 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: &Arguments) -> anyhow::Result<()> {
+    for file in [&arguments.json, &arguments.markdown].into_iter().flatten() {
+        check_writable(file)?;
+    }
+    let table = match &arguments.from {
+        Some(file) => read(file, arguments)?,
+        None => measure(arguments)?,
+    };
+    let tables = markdown(&table.wall, &table.cells);
+    match &arguments.markdown {
+        Some(file) => {
+            let before = std::fs::read_to_string(file).unwrap_or_default();
+            let head = before.split_once(TABLE_MARK).map(|(head, _)| head);
+            let head = head.map_or_else(String::new, |head| format!("{head}{TABLE_MARK}\n\n"));
+            write(file, format!("{head}{tables}").as_bytes())?;
+        }
+        None => write_out(&tables)?,
+    }
+    if let Some(file) = &arguments.json {
+        write(file, table.to_json()?.as_bytes())?;
+    }
+    if let Some(folder) = &arguments.svg {
+        write_heatmaps(folder, &table.cells)?;
+    }
+    Ok(())
+}
+
+/// Runs the cells that were asked for.
+fn measure(arguments: &Arguments) -> anyhow::Result<Document> {
     let extent = if arguments.quick {
         Extent::Quick
     } else {
@@ -105,9 +128,6 @@ fn run(arguments: &Arguments) -> anyhow::Result<()> {
         !wanted.is_empty(),
         "no cell of the table has what was asked for"
     );
-    for file in [&arguments.json, &arguments.markdown].into_iter().flatten() {
-        check_writable(file)?;
-    }
     let seeds = arguments.seeds.unwrap_or(if arguments.quick {
         QUICK_SEEDS
     } else {
@@ -119,29 +139,33 @@ fn run(arguments: &Arguments) -> anyhow::Result<()> {
     );
     let walls = if arguments.no_wall { 0 } else { wall::WALLS };
     let work = Work::new(wanted, arguments.first_seed, seeds, walls);
-    let (walls, rows) = work.carry_out(threads)?;
+    let (wall, cells) = work.carry_out(threads)?;
+    Ok(Document { wall, cells })
+}
 
-    let tables = markdown(&walls, &rows);
-    match &arguments.markdown {
-        Some(file) => {
-            let before = std::fs::read_to_string(file).unwrap_or_default();
-            let head = before.split_once(TABLE_MARK).map(|(head, _)| head);
-            let head = head.map_or_else(String::new, |head| format!("{head}{TABLE_MARK}\n\n"));
-            write(file, format!("{head}{tables}").as_bytes())?;
-        }
-        None => write_out(&tables)?,
-    }
-    if let Some(file) = &arguments.json {
-        let document = Document {
-            wall: &walls,
-            cells: &rows,
-        };
-        write(file, &serde_json::to_vec_pretty(&document)?)?;
-    }
-    if let Some(folder) = &arguments.svg {
-        write_heatmaps(folder, &rows)?;
-    }
-    Ok(())
+/// The rows of a table written before.
+fn read(file: &Path, arguments: &Arguments) -> anyhow::Result<Document> {
+    let text =
+        std::fs::read_to_string(file).with_context(|| format!("cannot read {}", file.display()))?;
+    let mut table = Document::from_json(&text)
+        .with_context(|| format!("{} is no latency table", file.display()))?;
+    table.cells.retain(|row| {
+        let scheme = row.scheme.parse();
+        scheme.is_ok_and(|scheme| {
+            arguments.wants(&Cell {
+                scheme,
+                delay_ms: (row.one_way_delay_s * 1e3).round() as u32,
+                jitter_ratio: row.jitter_ratio,
+                loss: row.loss,
+                profile: row.profile,
+            })
+        })
+    });
+    ensure!(
+        !table.cells.is_empty(),
+        "no cell of the table has what was asked for"
+    );
+    Ok(table)
 }
 
 impl Arguments {

@@ -5,6 +5,7 @@ use std::time::Duration;
 use serde::Serialize;
 use teleclay_bilateral::rig::{Rig, RigError};
 use teleclay_clay::UNITS_PER_VOXEL;
+use teleclay_link::replica::ForceGate;
 use teleclay_link::scheme::replica::ReplicaHandle;
 use teleclay_link::time::Timestamp;
 use teleclay_proto::Scheme;
@@ -57,6 +58,8 @@ pub struct Outcome {
     pub share_force_error_above_jnd: f64,
     /// Changes of the felt force by corrections, N a tick, of the ticks in which there was one.
     pub correction_steps_n: Vec<f64>,
+    /// Energy that the hand has spent on cutting, J: more than that no correction may bring.
+    pub earned_j: f64,
     /// Energy that corrections brought into the hand, J.
     pub injected_j: f64,
     /// What the copy hid: felt force less the authority's answer to the same sweep, over the felt force, as root mean squares.
@@ -134,15 +137,15 @@ fn measure(
             is_calm && *swing <= (SWING_MOST * ideal).max(AT_REST_M_S)
         })
     });
+    let copy = rig.replica().and_then(ReplicaHandle::copy);
+    let gate = copy.map(teleclay_link::replica::Copy::gate);
     let outcome = Outcome {
         stable: is_calm && !probe.is_apart,
         min_energy_j,
         coordination_rmse_m: probe.coordination_rmse_m(),
         correction_steps_n: std::mem::take(&mut probe.correction_steps_n),
-        injected_j: rig
-            .replica()
-            .and_then(ReplicaHandle::copy)
-            .map_or(0.0, |copy| copy.gate().injected_j()),
+        earned_j: gate.map_or(0.0, ForceGate::earned_j),
+        injected_j: gate.map_or(0.0, ForceGate::injected_j),
         hidden_force_nrmse: (cell.scheme == Scheme::Replica).then(|| probe.hidden_force_nrmse()),
         clay_identical: (cell.scheme == Scheme::Replica).then(|| is_one_clay(&rig)),
         packets_per_s: packets,

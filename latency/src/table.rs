@@ -3,13 +3,13 @@
 //! A row's errors are means over its seeds, with the worst seed beside them; its least energy is the least of any seed, and it is stable only
 //! if every seed is.
 
-use serde::Serialize;
+use serde::{Deserialize, Deserializer, Serialize};
 
-use crate::cell::Cell;
+use crate::cell::{Cell, Profile};
 use crate::run::Outcome;
 
 /// Median and tails of a step, N.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Quantiles {
     /// Half of the steps are smaller.
     pub p50: f64,
@@ -22,7 +22,7 @@ pub struct Quantiles {
 }
 
 /// One cell over its seeds.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Row {
     /// The scheme's word.
     pub scheme: String,
@@ -32,8 +32,8 @@ pub struct Row {
     pub jitter_ratio: f64,
     /// Share of frames lost, independently.
     pub loss: f64,
-    /// The profile's word.
-    pub profile: &'static str,
+    /// What was done beside delay, jitter and independent loss.
+    pub profile: Profile,
     /// How many seeds.
     pub seeds: usize,
     /// The first of them; the others follow.
@@ -43,32 +43,46 @@ pub struct Row {
     /// Share of seeds that are.
     pub stable_share: f64,
     /// Least energy of the channel in any seed, J.
+    #[serde(deserialize_with = "measured")]
     pub min_energy_j: f64,
     /// Force error over force, root mean squares; mean of the seeds.
+    #[serde(deserialize_with = "measured")]
     pub force_nrmse: f64,
     /// The same of the worst seed.
+    #[serde(deserialize_with = "measured")]
     pub force_nrmse_worst: f64,
     /// Position error of the handle, m.
+    #[serde(deserialize_with = "measured")]
     pub position_rmse_m: f64,
     /// Distance between tool and image of the handle, m.
+    #[serde(deserialize_with = "measured")]
     pub coordination_rmse_m: f64,
     /// Removed volume off by this share; mean of the seeds.
+    #[serde(deserialize_with = "measured")]
     pub removed_volume_error: f64,
     /// The same of the worst seed.
+    #[serde(deserialize_with = "measured")]
     pub removed_volume_error_worst: f64,
     /// Share of time with a force error above what a hand can tell.
+    #[serde(deserialize_with = "measured")]
     pub share_force_error_above_jnd: f64,
     /// Changes of the felt force by corrections, N a tick, of the ticks in which there was one.
     pub correction_step_n: Quantiles,
+    /// Most energy that the hand has spent on cutting and so earned for corrections in any seed, J.
+    #[serde(deserialize_with = "measured")]
+    pub earned_j: f64,
     /// Most energy that corrections brought into the hand in any seed, J.
+    #[serde(deserialize_with = "measured")]
     pub injected_j: f64,
     /// What the copy hid, over what was felt; `null` for schemes without a copy.
     pub hidden_force_nrmse: Option<f64>,
     /// Whether every copy was the server's in every seed once the line was drained; `null` for schemes without a copy.
     pub clay_identical: Option<bool>,
     /// Frames both ways, a second.
+    #[serde(deserialize_with = "measured")]
     pub packets_per_s: f64,
     /// Their bytes, without what transports add.
+    #[serde(deserialize_with = "measured")]
     pub bytes_per_s: f64,
 }
 
@@ -99,7 +113,7 @@ impl Row {
             one_way_delay_s: f64::from(cell.delay_ms) * 1e-3,
             jitter_ratio: cell.jitter_ratio,
             loss: cell.loss,
-            profile: cell.profile.word(),
+            profile: cell.profile,
             seeds: outcomes.len(),
             first_seed,
             stable: outcomes.iter().all(|outcome| outcome.stable),
@@ -116,6 +130,7 @@ impl Row {
             removed_volume_error_worst: worst(|outcome| outcome.removed_volume_error),
             share_force_error_above_jnd: mean(|outcome| outcome.share_force_error_above_jnd),
             correction_step_n: Quantiles::of(steps),
+            earned_j: worst(|outcome| outcome.earned_j),
             injected_j: worst(|outcome| outcome.injected_j),
             hidden_force_nrmse: hidden
                 .map(|hidden| hidden.iter().sum::<f64>() / hidden.len() as f64),
@@ -124,6 +139,11 @@ impl Row {
             bytes_per_s: mean(|outcome| outcome.bytes_per_s),
         }
     }
+}
+
+/// What is not a number is `null` in JSON.
+fn measured<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+    Ok(Option::deserialize(deserializer)?.unwrap_or(f64::NAN))
 }
 
 impl Quantiles {

@@ -2,13 +2,13 @@
 
 use std::time::Duration;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use teleclay_bilateral::wall::{WallSetup, measured_critical_stiffness};
 use teleclay_control::wall::{DelayedWall, critical_stiffness};
 use teleclay_link::conditioner::Impairment;
 
 /// One wall.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct WallRow {
     /// Round trip, s.
     pub rtt_s: f64,

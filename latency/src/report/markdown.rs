@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use super::{distinct, of_scheme};
-use crate::cell::SCHEMES;
+use crate::cell::{Profile, SCHEMES};
 use crate::table::Row;
 use crate::wall::WallRow;
 
@@ -133,7 +133,10 @@ fn write_scheme(text: &mut String, rows: &[Row], scheme: &str) -> std::fmt::Resu
 }
 
 fn write_profiles(text: &mut String, rows: &[Row]) -> std::fmt::Result {
-    let special: Vec<&Row> = rows.iter().filter(|row| row.profile != "iid").collect();
+    let special: Vec<&Row> = rows
+        .iter()
+        .filter(|row| row.profile != Profile::Iid)
+        .collect();
     if special.is_empty() {
         return Ok(());
     }
@@ -157,7 +160,7 @@ fn write_profiles(text: &mut String, rows: &[Row]) -> std::fmt::Result {
         writeln!(
             text,
             "| {} | {} | {:.0} | {}{} | {} | {:.2} | {:.3} | {:.3} | {:.3} | {:.3} | {:.3} | {:.3} | {} | {} |",
-            row.profile,
+            row.profile.word(),
             row.scheme,
             row.one_way_delay_s * 1e3,
             percent(row.force_nrmse),

@@ -1,17 +1,20 @@
-//! The rows as Markdown and as pictures.
+//! The rows as JSON, as Markdown and as pictures.
 
+mod document;
 mod heatmap;
 mod markdown;
 
+pub use document::Document;
 pub use heatmap::{Measure, heatmap};
 pub use markdown::markdown;
 
+use crate::cell::Profile;
 use crate::table::Row;
 
 /// The rows of the grid of one scheme, without the special lines.
 fn of_scheme<'a>(rows: &'a [Row], scheme: &'a str) -> impl Iterator<Item = &'a Row> {
     rows.iter()
-        .filter(move |row| row.scheme == scheme && row.profile == "iid")
+        .filter(move |row| row.scheme == scheme && row.profile == Profile::Iid)
 }
 
 /// Values that occur, in order, each once.
