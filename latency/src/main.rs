@@ -13,11 +13,12 @@ use anyhow::{Context, ensure};
 use clap::Parser;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use teleclay_latency::cell::{Cell, Extent, Profile, cells};
-use teleclay_latency::report::{Document, Measure, heatmap, markdown};
+use teleclay_latency::report::{Document, Measure, heatmap, markdown, summary};
 use teleclay_latency::run::{self, Outcome};
 use teleclay_latency::table::Row;
 use teleclay_latency::wall::{self, WallRow};
 use teleclay_proto::Scheme;
+use teleclay_proto::join::LoopParameters;
 
 /// Seeds of the published table, and of the quick one.
 const FULL_SEEDS: u64 = 30;
@@ -40,6 +41,9 @@ struct Arguments {
     /// Write the tables as Markdown; in a file with a line `<!-- table -->` what stands before that line stays
     #[arg(long, value_name = "FILE")]
     markdown: Option<PathBuf>,
+    /// Write the page's few tables as Markdown, likewise
+    #[arg(long, value_name = "FILE")]
+    summary: Option<PathBuf>,
     /// Write heatmaps as SVG into this folder
     #[arg(long, value_name = "DIR")]
     svg: Option<PathBuf>,
@@ -87,7 +91,8 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: &Arguments) -> anyhow::Result<()> {
-    for file in [&arguments.json, &arguments.markdown].into_iter().flatten() {
+    let files = [&arguments.json, &arguments.markdown, &arguments.summary];
+    for file in files.into_iter().flatten() {
         check_writable(file)?;
     }
     let table = match &arguments.from {
@@ -96,13 +101,13 @@ fn run(arguments: &Arguments) -> anyhow::Result<()> {
     };
     let tables = markdown(&table.wall, &table.cells);
     match &arguments.markdown {
-        Some(file) => {
-            let before = std::fs::read_to_string(file).unwrap_or_default();
-            let head = before.split_once(TABLE_MARK).map(|(head, _)| head);
-            let head = head.map_or_else(String::new, |head| format!("{head}{TABLE_MARK}\n\n"));
-            write(file, format!("{head}{tables}").as_bytes())?;
-        }
+        Some(file) => write_below_mark(file, &tables)?,
+        None if arguments.summary.is_some() => {}
         None => write_out(&tables)?,
+    }
+    if let Some(file) = &arguments.summary {
+        let range_n = LoopParameters::default().force_limit_n;
+        write_below_mark(file, &summary(&table.wall, &table.cells, range_n))?;
     }
     if let Some(file) = &arguments.json {
         write(file, table.to_json()?.as_bytes())?;
@@ -384,6 +389,14 @@ fn check_writable(file: &Path) -> anyhow::Result<()> {
 
 fn write(file: &Path, bytes: &[u8]) -> anyhow::Result<()> {
     std::fs::write(file, bytes).with_context(|| format!("cannot write {}", file.display()))
+}
+
+/// What stands in the file before the mark stays.
+fn write_below_mark(file: &Path, tables: &str) -> anyhow::Result<()> {
+    let before = std::fs::read_to_string(file).unwrap_or_default();
+    let head = before.split_once(TABLE_MARK).map(|(head, _)| head);
+    let head = head.map_or_else(String::new, |head| format!("{head}{TABLE_MARK}\n\n"));
+    write(file, format!("{head}{tables}").as_bytes())
 }
 
 fn write_out(text: &str) -> anyhow::Result<()> {

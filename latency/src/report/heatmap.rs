@@ -48,10 +48,15 @@ impl Measure {
     ];
 }
 
-const CELL: [f64; 2] = [46.0, 22.0];
-const LEFT: f64 = 56.0;
-const GAP: f64 = 34.0;
-const TOP: f64 = 44.0;
+const CELL: [f64; 2] = [48.0, 22.0];
+const LEFT: f64 = 72.0;
+const GAP: f64 = 32.0;
+const TOP: f64 = 62.0;
+/// Wide enough for the longest title, however few delays there are.
+const LEAST_WIDTH: f64 = 460.0;
+/// The bar that explains the colours.
+const BAR: [f64; 2] = [120.0, 8.0];
+const BAR_STEPS: u32 = 24;
 
 /// The picture of a measure at one jitter, or nothing when no row has it.
 pub fn heatmap(rows: &[Row], measure: &Measure, jitter_ratio: f64) -> Option<String> {
@@ -71,33 +76,41 @@ pub fn heatmap(rows: &[Row], measure: &Measure, jitter_ratio: f64) -> Option<Str
     let delays = distinct(all.iter().map(|row| row.one_way_delay_s));
     let losses = distinct(all.iter().map(|row| row.loss));
     let field_height = CELL[1] * losses.len() as f64 + GAP;
-    let width = LEFT + CELL[0] * delays.len() as f64 + 12.0;
-    let height = TOP + field_height * schemes.len() as f64 + 24.0;
+    let width = (LEFT + CELL[0] * delays.len() as f64 + 16.0).max(LEAST_WIDTH);
+    let height = TOP + field_height * schemes.len() as f64 + 32.0;
     let mut svg = String::new();
     // Writing into a string does not fail.
     let _ = write!(
         svg,
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width:.0} {height:.0}\" font-family=\"sans-serif\" font-size=\"11\">\
-         <rect width=\"100%\" height=\"100%\" fill=\"#ffffff\"/>\
-         <text x=\"{LEFT}\" y=\"20\" font-size=\"14\" font-weight=\"bold\" fill=\"#222222\">{}</text>\
-         <text x=\"{LEFT}\" y=\"35\" fill=\"#555555\">jitter {jitter_ratio} of the delay; hatched: swings by itself</text>\
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width:.0} {height:.0}\" width=\"{width:.0}\" height=\"{height:.0}\" \
+         font-family=\"system-ui, -apple-system, Segoe UI, Helvetica, Arial, sans-serif\" font-size=\"11\">\
+         <rect width=\"100%\" height=\"100%\" rx=\"6\" fill=\"#ffffff\"/>\
+         <text x=\"16\" y=\"24\" font-size=\"15\" font-weight=\"600\" fill=\"#222222\">{}</text>\
+         <text x=\"16\" y=\"41\" fill=\"#666666\">{}; hatched: swings by itself</text>\
          <defs><pattern id=\"unstable\" width=\"6\" height=\"6\" patternUnits=\"userSpaceOnUse\" patternTransform=\"rotate(45)\">\
-         <line x1=\"0\" y1=\"0\" x2=\"0\" y2=\"6\" stroke=\"#000000\" stroke-width=\"1.5\" stroke-opacity=\"0.45\"/></pattern></defs>",
-        measure.title
+         <line x1=\"0\" y1=\"0\" x2=\"0\" y2=\"6\" stroke=\"#ffffff\" stroke-width=\"1.6\" stroke-opacity=\"0.5\"/></pattern></defs>",
+        measure.title,
+        if 0.0 < jitter_ratio {
+            format!("jitter: {:.0} % of the delay", jitter_ratio * 100.0)
+        } else {
+            "no jitter".to_owned()
+        }
     );
+    write_bar(&mut svg, measure, [width - BAR[0] - 16.0, 34.0]);
     for (number, scheme) in schemes.iter().enumerate() {
         let top = TOP + field_height * number as f64;
         let _ = write!(
             svg,
-            "<text x=\"{LEFT}\" y=\"{:.0}\" font-weight=\"bold\" fill=\"#222222\">{scheme}</text>",
-            top + 13.0
+            "<text x=\"{LEFT}\" y=\"{:.0}\" font-size=\"12\" font-weight=\"600\" fill=\"#222222\">{}</text>",
+            top + 12.0,
+            scheme.replace('_', " ")
         );
         for (down, loss) in losses.iter().enumerate() {
             let y = top + 18.0 + CELL[1] * down as f64;
             let _ = write!(
                 svg,
-                "<text x=\"{:.0}\" y=\"{:.0}\" text-anchor=\"end\" fill=\"#555555\">{:.0} % lost</text>",
-                LEFT - 4.0,
+                "<text x=\"{:.0}\" y=\"{:.0}\" text-anchor=\"end\" fill=\"#666666\">{:.0} % lost</text>",
+                LEFT - 8.0,
                 y + 15.0,
                 loss * 100.0
             );
@@ -113,17 +126,45 @@ pub fn heatmap(rows: &[Row], measure: &Measure, jitter_ratio: f64) -> Option<Str
             }
         }
     }
-    let y = height - 8.0;
+    let y = height - 12.0;
+    let _ = write!(
+        svg,
+        "<text x=\"{:.0}\" y=\"{y:.0}\" text-anchor=\"end\" fill=\"#666666\">one way</text>",
+        LEFT - 8.0
+    );
     for (across, delay_s) in delays.iter().enumerate() {
         let x = LEFT + CELL[0] * (across as f64 + 0.5);
         let _ = write!(
             svg,
-            "<text x=\"{x:.0}\" y=\"{y:.0}\" text-anchor=\"middle\" fill=\"#555555\">{:.0} ms</text>",
+            "<text x=\"{x:.0}\" y=\"{y:.0}\" text-anchor=\"middle\" fill=\"#666666\">{:.0} ms</text>",
             delay_s * 1e3
         );
     }
     svg.push_str("</svg>\n");
     Some(svg)
+}
+
+/// From as good as nothing to as bad as can be, with the two figures beside it.
+fn write_bar(svg: &mut String, measure: &Measure, [x, y]: [f64; 2]) {
+    let [width, height] = BAR;
+    let step = width / f64::from(BAR_STEPS);
+    for at in 0..BAR_STEPS {
+        let [r, g, b] = colour(f64::from(at) / f64::from(BAR_STEPS - 1));
+        let _ = write!(
+            svg,
+            "<rect x=\"{:.1}\" y=\"{y:.0}\" width=\"{:.1}\" height=\"{height:.0}\" fill=\"rgb({r},{g},{b})\"/>",
+            x + step * f64::from(at),
+            step + 0.3
+        );
+    }
+    let [good, bad] = measure.scale.map(short);
+    let _ = write!(
+        svg,
+        "<text x=\"{x:.0}\" y=\"{0:.0}\" font-size=\"9\" fill=\"#666666\">{good}</text>\
+         <text x=\"{1:.0}\" y=\"{0:.0}\" font-size=\"9\" text-anchor=\"end\" fill=\"#666666\">{bad}</text>",
+        y + height + 9.0,
+        x + width
+    );
 }
 
 fn write_cell(svg: &mut String, measure: &Measure, row: &Row, [x, y]: [f64; 2]) {
@@ -135,16 +176,16 @@ fn write_cell(svg: &mut String, measure: &Measure, row: &Row, [x, y]: [f64; 2]) 
     let [width, height] = CELL;
     let _ = write!(
         svg,
-        "<rect x=\"{x:.0}\" y=\"{y:.0}\" width=\"{:.0}\" height=\"{:.0}\" fill=\"rgb({r},{g},{b})\"/>",
-        width - 1.0,
-        height - 1.0
+        "<rect x=\"{x:.0}\" y=\"{y:.0}\" width=\"{:.0}\" height=\"{:.0}\" rx=\"2\" fill=\"rgb({r},{g},{b})\"/>",
+        width - 2.0,
+        height - 2.0
     );
     if !row.stable {
         let _ = write!(
             svg,
-            "<rect x=\"{x:.0}\" y=\"{y:.0}\" width=\"{:.0}\" height=\"{:.0}\" fill=\"url(#unstable)\"/>",
-            width - 1.0,
-            height - 1.0
+            "<rect x=\"{x:.0}\" y=\"{y:.0}\" width=\"{:.0}\" height=\"{:.0}\" rx=\"2\" fill=\"url(#unstable)\"/>",
+            width - 2.0,
+            height - 2.0
         );
     }
     let _ = write!(
@@ -177,7 +218,7 @@ fn short(value: f64) -> String {
     if value.abs() <= 0.0 {
         "0".to_owned()
     } else if value < 0.01 {
-        "<.01".to_owned()
+        "&lt;.01".to_owned()
     } else if value < 1.0 {
         format!("{value:.2}")
     } else if value < 10.0 {
@@ -190,6 +231,14 @@ fn short(value: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// What a browser would refuse: a figure that opens a tag.
+    #[test]
+    fn figures_are_text_and_nothing_else() {
+        for value in [0.0, 1e-9, 5e-3, 0.5, 5.0, 5e3, f64::NAN] {
+            assert!(!short(value).contains(['<', '>', '"']), "{value}");
+        }
+    }
 
     #[test]
     fn more_heat_is_darker() {

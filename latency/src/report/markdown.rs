@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::{distinct, of_scheme};
+use super::{distinct, of_scheme, percent};
 use crate::cell::{Profile, SCHEMES};
 use crate::table::Row;
 use crate::wall::WallRow;
@@ -144,22 +144,22 @@ fn write_profiles(text: &mut String, rows: &[Row]) -> std::fmt::Result {
     writeln!(
         text,
         "Force error, volume and coordination as above. Steps are changes of the felt force by corrections, N a tick. What is hidden is \
-         the felt force less the authority's answer to the same sweep, over the felt force. Injected is the most energy that corrections \
-         brought into the hand in any seed.\n"
+         the felt force less the authority's answer to the same sweep, over the felt force. Earned is the most energy that \
+         the hand spent on cutting in any seed, injected the most that corrections brought into it.\n"
     )?;
     writeln!(
         text,
-        "| line | scheme | one way, ms | force error, % | volume off by, % | apart, mm | least energy, mJ | step p50 | p95 | p99 | max | injected, mJ | hidden, % | clay the same |"
+        "| line | scheme | one way, ms | force error, % | volume off by, % | apart, mm | least energy, mJ | step p50 | p95 | p99 | max | earned, mJ | injected, mJ | hidden, % | clay the same |"
     )?;
     writeln!(
         text,
-        "|---|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---|"
+        "|---|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---|"
     )?;
     for row in special {
         let steps = row.correction_step_n;
         writeln!(
             text,
-            "| {} | {} | {:.0} | {}{} | {} | {:.2} | {:.3} | {:.3} | {:.3} | {:.3} | {:.3} | {:.3} | {} | {} |",
+            "| {} | {} | {:.0} | {}{} | {} | {:.2} | {:.3} | {:.3} | {:.3} | {:.3} | {:.3} | {:.0} | {:.3} | {} | {} |",
             row.profile.word(),
             row.scheme,
             row.one_way_delay_s * 1e3,
@@ -172,6 +172,7 @@ fn write_profiles(text: &mut String, rows: &[Row]) -> std::fmt::Result {
             steps.p95,
             steps.p99,
             steps.max,
+            row.earned_j * 1e3,
             row.injected_j * 1e3,
             row.hidden_force_nrmse
                 .map_or_else(|| "–".to_owned(), percent),
@@ -187,20 +188,6 @@ fn write_profiles(text: &mut String, rows: &[Row]) -> std::fmt::Result {
 
 fn mark(row: &Row) -> &'static str {
     if row.stable { "" } else { " **u**" }
-}
-
-/// With as many digits as say something.
-fn percent(share: f64) -> String {
-    let percent = share * 100.0;
-    if percent.abs() <= 0.0 {
-        "0".to_owned()
-    } else if percent < 0.1 {
-        format!("{percent:.1e}")
-    } else if percent < 10.0 {
-        format!("{percent:.2}")
-    } else {
-        format!("{percent:.0}")
-    }
 }
 
 fn same(a: f64, b: f64) -> bool {

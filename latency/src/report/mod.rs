@@ -3,10 +3,12 @@
 mod document;
 mod heatmap;
 mod markdown;
+mod summary;
 
 pub use document::Document;
 pub use heatmap::{Measure, heatmap};
 pub use markdown::markdown;
+pub use summary::summary;
 
 use crate::cell::Profile;
 use crate::table::Row;
@@ -23,4 +25,18 @@ fn distinct(values: impl Iterator<Item = f64>) -> Vec<f64> {
     values.sort_by(f64::total_cmp);
     values.dedup_by(|a, b| a.to_bits() == b.to_bits());
     values
+}
+
+/// With as many digits as say something.
+fn percent(share: f64) -> String {
+    let percent = share * 100.0;
+    if percent.abs() <= 0.0 {
+        "0".to_owned()
+    } else if percent < 0.1 {
+        format!("{percent:.1e}")
+    } else if percent < 10.0 {
+        format!("{percent:.2}")
+    } else {
+        format!("{percent:.0}")
+    }
 }
