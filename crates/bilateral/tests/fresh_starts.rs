@@ -4,7 +4,8 @@ mod rigs;
 
 use std::time::Duration;
 
-use rigs::{both_ways, embedded, line, running, viscous};
+use rigs::{both_ways, distance, embedded, line, running, viscous};
+use teleclay_bilateral::rig::Rig;
 use teleclay_operator::Intent;
 use teleclay_proto::Scheme;
 
@@ -60,4 +61,48 @@ fn a_push_from_before_an_outage_is_not_carried_out_after_it() {
     rig.run_for(Duration::from_millis(500));
     let moved_m = rig.tool().view().position_m[0] - before_m;
     assert!(moved_m.abs() < 2e-5, "the tool went on by {moved_m} m");
+}
+
+/// A scheme that takes over while nothing is heard begins where the handle was last known to be, and stays there.
+#[test]
+fn a_scheme_that_takes_over_unheard_moves_nothing() {
+    for scheme in SCHEMES {
+        let before = if scheme == Scheme::PositionForce {
+            Scheme::Replica
+        } else {
+            Scheme::PositionForce
+        };
+        let push = Intent::constant_force([1.5, 0.5, 0.0]).unwrap();
+        let lines = both_ways(line(2, 0.0, 0.0), 1);
+        let mut rig = embedded(running(before), push, viscous(1e5), lines);
+        rig.run_for(Duration::from_millis(1500));
+        rig.hold_handles_fast();
+        rig.run_for(Duration::from_secs(1));
+        let stands_m = rig.tool().view().position_m;
+        assert!(0.07 < stands_m[0], "{scheme}: the tool is at {stands_m:?}");
+        rig.impair(both_ways(line(2, 0.0, 1.0), 1));
+        rig.run_for(Duration::from_millis(5));
+        rig.change_scheme(scheme);
+        // Silence is noticed after 100 ms; until then the gate is open.
+        rig.run_for(Duration::from_millis(90));
+        let moved_m = distance(rig.tool().view().position_m, stands_m);
+        assert!(moved_m < 1e-4, "{before} to {scheme}: {moved_m} m");
+    }
+}
+
+/// Where the reference is a place and not a motion, a tool that was held gets back to it.
+#[test]
+fn after_an_outage_position_force_gets_back_to_its_handle() {
+    let push = Intent::constant_force([0.4, 0.1, 0.0]).unwrap();
+    let alive = both_ways(line(2, 0.0, 0.0), 1);
+    let mut rig = embedded(running(Scheme::PositionForce), push, viscous(5e4), alive);
+    rig.run_for(Duration::from_secs(1));
+    rig.impair(both_ways(line(2, 0.0, 1.0), 1));
+    rig.run_for(Duration::from_secs(1));
+    let apart_m = |rig: &Rig| rig.tool().distance_from_m(rig.device().sample().position_m);
+    assert!(5e-3 < apart_m(&rig), "the hand has not moved on");
+    rig.hold_handles_fast();
+    rig.impair(alive);
+    rig.run_for(Duration::from_secs(3));
+    assert!(apart_m(&rig) < 1e-4, "{} m apart", apart_m(&rig));
 }
