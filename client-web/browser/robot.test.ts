@@ -69,15 +69,17 @@ describe("the Robot page", () => {
   it("says which arms are too short for a place beyond its reach", async () => {
     await page.set("position-x", "200");
     await page.saying("posture", /Out of reach: arm/);
-    const short = await Promise.all([1, 2, 3].map((arm) => page.text(`joint-${arm}`)));
-    expect(short.some((text) => text.includes("too short"))).toBe(true);
     const named = [...(await page.text("posture")).matchAll(/arm (\d)/g)].map(([, arm]) => Number(arm));
-    expect([1, 2, 3].filter((arm) => short[arm - 1].includes("too short"))).toEqual(named);
+    expect(named.length).toBeGreaterThan(0);
+    await until("the same arms are drawn as too short", async () => {
+      const drawn = await Promise.all([1, 2, 3].map((arm) => page.text(`joint-${arm}`)));
+      return [1, 2, 3].every((arm) => drawn[arm - 1].includes("too short") === named.includes(arm));
+    });
+    // The server thinks so, too, though the page does not trouble it.
+    await expect(teleclay.ask("kinematics/inverse", { geometry: DESKTOP, position_m: [0.2, -0.015, 0.15] })).rejects.toThrow("422");
     await page.keep("robot-short");
     await putAt(PLACE_MM);
     await page.saying("posture", /singular/i);
-    // The browser logs the answer's status by itself.
-    page.forgive("status of 422");
   });
 
   it("maps the workspace of another robot, too", async () => {

@@ -9,8 +9,8 @@ import { theory } from "../store";
 const DESKTOP: RobotGeometry = {
   base_radius_m: 0.12, platform_radius_m: 0.04, upper_link_m: 0.1, lower_link_m: 0.2, arm_angles_deg: [0, 120, 240],
 };
-/** Amid the desktop robot's workspace. */
-const AMID_M = 0.16;
+/** Where the desktop robot's handle rests: so high it moves alike in all directions. `teleclay-handle --device robot` is at home there. */
+const AMID_M = 0.17;
 /** As fine as one answer may be: 91,125 of 100,000 cells. */
 const CELLS = [45, 45, 45] as const;
 
@@ -31,8 +31,9 @@ export const byHandle_m = signal<Triple>([0, 0, AMID_M]);
 export const position_m = computed((): Triple => (source.value === "live" ? byHandle_m.value : byHand_m.value));
 export const arms = computed(() => armsAt(geometry.value, position_m.value, branch.value));
 
-/** Where the handle's rest is put: the most dexterous height on the robot's axis. */
+/** Where the handle's rest is put: of another robot than the desktop one, the most dexterous height on its axis. */
 export const home_m = computed((): Triple => {
+  if (JSON.stringify(geometry.value) === JSON.stringify(DESKTOP)) return [0, 0, AMID_M];
   const { answer } = theory.workspace.asked.value;
   return [0, 0, (answer === undefined ? undefined : bestHeight(answer)) ?? AMID_M];
 });

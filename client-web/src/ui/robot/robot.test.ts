@@ -1,7 +1,7 @@
 import { describe, expect, it } from "vitest";
 import type { JacobianAnswer, WorkspaceAnswer } from "../../protocol/theory";
 import { bestHeight } from "../../theory/robot";
-import { refusalOf, standingOf } from "./words";
+import { outOfReach, refusalOf, standingOf } from "./words";
 
 const MAP: WorkspaceAnswer = {
   region_m: [[-0.1, -0.1, -0.2], [0.1, 0.1, 0.2]], cells: [1, 1, 4], branch: [-1, -1, -1],
@@ -25,9 +25,8 @@ describe("the robot in words", () => {
   });
 
   it("says which arms are too short, and leaves other words to the server", () => {
-    const problem = { type: "/problems/unreachable", title: "out of reach", status: 422, detail: "arm 1 …" };
-    expect(refusalOf(problem, [0])).toContain("arm 1 does not get there");
-    expect(refusalOf(problem, [0, 2])).toContain("arm 1 and arm 3 do not get there");
-    expect(refusalOf({ ...problem, type: "/problems/field", detail: "5 is too much" }, [])).toBe("5 is too much");
+    expect(outOfReach([0])).toContain("arm 1 does not get there");
+    expect(outOfReach([0, 2])).toContain("arm 1 and arm 3 do not get there");
+    expect(refusalOf({ type: "/problems/field", title: "", status: 422, detail: "5 is too much" })).toBe("5 is too much");
   });
 });

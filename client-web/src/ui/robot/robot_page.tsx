@@ -4,14 +4,14 @@
 import { useComputed, useSignal, useSignalEffect } from "@preact/signals";
 import type { JSX } from "preact";
 import type { Branch, Triple } from "../../protocol/theory";
-import { BRANCHES } from "../../theory/robot";
-import { fixed, significant } from "../format";
+import { armsAt, BRANCHES } from "../../theory/robot";
+import { DASH, fixed, significant } from "../format";
 import { useFrame } from "../frame";
 import { live, theory } from "../store";
 import { arms, branch, position_m, source, geometry, workspaceQuestion } from "./model";
 import { RobotControls } from "./robot_controls";
 import { RobotPicture } from "./robot_picture";
-import { refusalOf, standingOf, type Standing } from "./words";
+import { outOfReach, refusalOf, standingOf, type Standing } from "./words";
 
 /** Numbers that change faster cannot be read, and the server is asked no more often, ms. */
 const READABLE_MS = 250;
@@ -26,6 +26,8 @@ export function RobotPage(): JSX.Element {
     if (now.some((at, axis) => at !== settled.peek()[axis])) settled.value = now;
   });
   useSignalEffect(() => {
+    // Beyond its reach there is nothing to ask, and a browser would log each refusal as an error.
+    if (0 < armsAt(geometry.value, settled.value, branch.value).short.length) return;
     theory.inverse.ask({ geometry: geometry.value, position_m: settled.value });
     theory.jacobian.ask({ geometry: geometry.value, position_m: settled.value, branch: branch.value });
   });
@@ -90,11 +92,13 @@ function Ramp(): JSX.Element {
 function Posture(): JSX.Element {
   const { phase, answer, problem } = theory.jacobian.asked.value;
   const short = useComputed(() => arms.value.short);
-  const standing: Standing = phase === "refused" && problem !== undefined
-    ? { grade: "bad", text: refusalOf(problem, short.value) }
+  const standing: Standing = 0 < short.value.length
+    ? { grade: "bad", text: outOfReach(short.value) }
+    : phase === "refused" && problem !== undefined
+    ? { grade: "bad", text: refusalOf(problem) }
     : phase === "away" ? { grade: "warn", text: "The server does not answer." }
       : answer === undefined ? { grade: "good", text: "Asking the server …" } : standingOf(answer);
-  const current = phase === "refused" ? undefined : answer;
+  const current = phase === "refused" || 0 < short.value.length ? undefined : answer;
   return (
     <section class="panel posture" aria-label="Posture" data-grade={standing.grade}>
       <p class="headline" data-testid="posture" role={standing.grade === "bad" ? "alert" : undefined}>{standing.text}</p>
@@ -131,7 +135,8 @@ function Measure({ name, title, test, value, share }: MeasureProps): JSX.Element
 /** All eight solutions; one of them is drawn. */
 function Branches(): JSX.Element {
   const { answer, phase } = theory.inverse.asked.value;
-  const rows = phase === "refused" ? undefined : answer?.branches;
+  const isShort = useComputed(() => 0 < arms.value.short.length);
+  const rows = phase === "refused" || isShort.value ? undefined : answer?.branches;
   return (
     <section class="panel branches" aria-label="Branches">
       <header><h2>Eight ways to bend</h2><span class="faint">signs K_j of (10)–(12)</span></header>
@@ -146,7 +151,7 @@ function Branches(): JSX.Element {
                   {nameOf(signs)}
                 </label>
               </th>
-              {[0, 1, 2].map((j) => <td key={j}>{fixed(degrees(rows?.[n]?.joints_rad[j]), 1)}°</td>)}
+              {[0, 1, 2].map((j) => <td key={j}>{rows === undefined ? DASH : `${fixed(degrees(rows.at(n)?.joints_rad[j]), 1)}°`}</td>)}
             </tr>
           ))}
         </tbody>

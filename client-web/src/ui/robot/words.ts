@@ -24,14 +24,17 @@ export function standingOf({ serial_measures, parallel_measure, condition_number
   return { grade: "good", text: `Clear of every singularity. A joint rate moves the platform up to ${condition_number.toFixed(1)} times as fast one way as another.` };
 }
 
+/** Which arms do not get there, 0 … 2. */
+export function outOfReach(short: readonly number[]): string {
+  return `Out of reach: ${list(short.map((arm) => `arm ${arm + 1}`))} ${short.length === 1 ? "does" : "do"} not get there. Move the platform towards the middle.`;
+}
+
 /** A refusal of the server's, said for a person; its own words where it is of another kind. */
-export function refusalOf(problem: Problem, short: readonly number[]): string {
+export function refusalOf(problem: Problem): string {
   const kind = problem.type.slice(problem.type.lastIndexOf("/") + 1);
   switch (kind) {
     case "unreachable":
-      return short.length === 0
-        ? "Out of reach."
-        : `Out of reach: ${list(short.map((arm) => `arm ${arm + 1}`))} ${short.length === 1 ? "does" : "do"} not get there. Move the platform towards the middle.`;
+      return "Out of reach.";
     case "singular":
       return `At a singularity: ${problem.detail}. Here joints and platform no longer move together.`;
     case "no-assembly":
