@@ -225,3 +225,141 @@ impl Outgoing {
         owed.max(missing).clamp(0.0, 1.0)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use std::time::Duration;
+
+    const TICK: Duration = Duration::from_millis(1);
+    const TICK_S: f64 = 1e-3;
+
+    fn medium() -> Medium {
+        Medium {
+            tick_s: TICK_S,
+            impedance: 20.0,
+            root: 40.0_f64.sqrt(),
+        }
+    }
+
+    fn energy_j(wave: f64) -> f64 {
+        0.5 * TICK_S * wave * wave
+    }
+
+    /// A sender of given waves along x, a line that loses what it is told to, and what is played at its end, tick by tick.
+    fn played(waves: &[f64], is_lost: impl Fn(usize) -> bool) -> (Incoming, Vec<f64>) {
+        let mut incoming = Incoming::new(medium());
+        let (mut integral, mut energy) = (0.0, 0.0);
+        let mut now = Timestamp::ZERO;
+        let played = waves.iter().enumerate().map(|(tick, &wave)| {
+            now = now.after(TICK);
+            integral += wave * TICK_S;
+            energy += energy_j(wave);
+            if !is_lost(tick) {
+                let header = Header {
+                    sequence: tick as u32,
+                    sent_ns: now.as_nanos(),
+                    ..Header::default()
+                };
+                let along = |x: f64| [x, 0.0, 0.0];
+                let sample = Sample::new(along(wave), along(integral), along(energy));
+                incoming.on_sample(now, &header, sample);
+            }
+            incoming.play(now)[0]
+        });
+        let played = played.collect();
+        (incoming, played)
+    }
+
+    proptest! {
+        /// What a sender vouches for is the energy of the waves that it sent, and never more than it had earned.
+        #[test]
+        fn a_sender_vouches_for_what_it_sent_and_had(
+            ticks in prop::collection::vec((-3.0..3.0, -1e-4..3e-3), 1..300)
+        ) {
+            let mut outgoing = Outgoing::new(medium());
+            let (mut sent_j, mut earned_j, mut left_over_j) = (0.0, 0.0, 0.0);
+            for (nominal, earned) in ticks {
+                let along = |x: f64| Vec3::new(x, 0.0, 0.0);
+                left_over_j += outgoing.send(along(nominal), along(earned))[0];
+                earned_j += earned;
+                let sample = outgoing.sample();
+                sent_j += energy_j(sample.wave[0]);
+                prop_assert!((sample.energy_j[0] - sent_j).abs() < 1e-12);
+                // A tick that cost more than there was leaves a hole, which is filled before anything is sent.
+                prop_assert!(sent_j + left_over_j <= earned_j + CUSHION_J + 300.0 * 1e-4);
+            }
+        }
+
+        /// What is played never has more energy than the frames that came have vouched for.
+        #[test]
+        fn no_more_is_played_than_came(
+            ticks in prop::collection::vec((-3.0..3.0, prop::bool::weighted(0.4)), 1..400)
+        ) {
+            let waves: Vec<f64> = ticks.iter().map(|(wave, _)| *wave).collect();
+            let (_, played) = played(&waves, |tick| ticks[tick].1);
+            // The first frame is where counting starts; what it holds itself is not credited.
+            let first = ticks.iter().position(|(_, lost)| !lost).unwrap_or(ticks.len());
+            let mut vouched_j = 0.0;
+            let mut played_j = 0.0;
+            let mut pending_j = 0.0;
+            for (tick, (wave, lost)) in ticks.iter().enumerate() {
+                if first < tick {
+                    pending_j += energy_j(*wave);
+                    if !lost {
+                        vouched_j += std::mem::take(&mut pending_j);
+                    }
+                }
+                played_j += energy_j(played[tick]);
+                prop_assert!(played_j <= vouched_j + 1e-12, "tick {tick}: {played_j} of {vouched_j} J");
+            }
+        }
+    }
+
+    /// A run of lost waves is a displacement that is missing, and is made up for from the energy that the next frame vouches for.
+    #[test]
+    fn what_was_lost_is_made_up_for() {
+        let mut waves = vec![0.0; 50];
+        waves.extend([0.6; 20]);
+        waves.extend([0.0; 600]);
+        let (_, played) = played(&waves, |tick| (50..70).contains(&tick));
+        let missing = waves.iter().sum::<f64>() - played.iter().sum::<f64>();
+        assert!(missing.abs() < 0.05 * 20.0 * 0.6, "{missing} of 12");
+    }
+
+    /// Silence is zero, not the last wave for as long as the credit lasts.
+    #[test]
+    fn the_last_wave_is_not_held_into_silence() {
+        // Waves that come and go leave credit: of the strong ones before, most were lost.
+        let mut waves = vec![0.0; 10];
+        waves.extend([2.0; 12]);
+        waves.extend([0.2; 300]);
+        waves.extend([0.2; 200]);
+        let (incoming, played) = played(&waves, |tick| (11..22).contains(&tick) || 322 <= tick);
+        assert!(
+            1e-4 < incoming.axes[0].credit.level_j(),
+            "no credit to hold it by"
+        );
+        let held_ticks = (HELD_S / TICK_S) as usize;
+        assert!(0.15 < played[320]);
+        // The filter needs its own 25 ms a few times over.
+        assert!(
+            played[322 + held_ticks + 150].abs() < 0.01,
+            "{:?}",
+            &played[322..]
+        );
+    }
+
+    /// Energy that nobody played is not saved up for ever: it could feed a swing for a long time.
+    #[test]
+    fn credit_is_bounded() {
+        let waves: Vec<f64> = (0..2000)
+            .map(|tick| if tick % 2 == 0 { 3.0 } else { 0.0 })
+            .collect();
+        // Only the zeros arrive, and vouch for what was between them.
+        let (incoming, _) = played(&waves, |tick| tick % 2 == 0);
+        assert!(incoming.axes[0].credit.level_j() <= MOST_CREDIT_J);
+        assert!(0.5 * MOST_CREDIT_J < incoming.axes[0].credit.level_j());
+    }
+}
