@@ -270,7 +270,7 @@ fn position_force_is_caught_giving() {
 #[test]
 fn ratios_do_not_make_energy() {
     for scheme in [Scheme::Wave, Scheme::Tdpa] {
-        for (position_ratio, force_ratio) in [(0.5, 3.0), (2.0, 0.7)] {
+        for (position_ratio, force_ratio) in [(0.5, 3.0), (2.0, 0.7), (0.5, 0.8)] {
             let parameters = LoopParameters {
                 position_ratio,
                 force_ratio,

@@ -19,7 +19,7 @@ use teleclay_clay::{Clay, Pose, SOLID, Shape, Sweep, ToolShape};
 use teleclay_link::conditioner::{Impairment, JitterDistribution};
 use teleclay_link::deadband::DeadbandSettings;
 use teleclay_operator::{Intent, Waypoint};
-use teleclay_proto::frame::CopyState;
+use teleclay_proto::frame::{CopyState, SweepRecord};
 use teleclay_proto::join::LoopParameters;
 use teleclay_proto::{Material, Scheme, ToolDescription};
 
@@ -231,6 +231,8 @@ fn a_second_writer_jolts_nobody_and_brings_no_energy_that_was_not_earned() {
                 let gate = replica.copy().unwrap().gate();
                 steps[place] = steps[place].max(gate.step_n());
                 assert!(gate.injected_j() <= gate.earned_j() + 1e-12);
+                // What the other one cut comes as cuts. A picture would heal it as well, much later and at once.
+                assert!(replica.wanted_picture().is_none(), "{delay_ms} ms");
             }
             hidden = hidden.max(norm(rig.tool().view().hidden_force_n));
         }
@@ -287,6 +289,91 @@ fn clay_that_came_to_differ_is_found_and_healed() {
     );
     assert_eq!(rig.replica().unwrap().state(), CopyState::Live);
     assert!(steepest <= 0.07 * LoopParameters::default().force_limit_n);
+}
+
+/// What is sent is what was cut: the tool's way without a gap, on the lattice.
+#[test]
+fn every_sweep_begins_where_the_last_one_ended() {
+    let mut rig = cutting_over(line(5, 0.0, 0.0), 1);
+    rig.run_for(Duration::from_secs(4));
+    let replica = rig.replica().unwrap();
+    let log = replica.log();
+    let sweeps: Vec<_> = (1..=log.last())
+        .filter_map(|number| log.record(number))
+        .collect();
+    assert!(1000 < sweeps.len());
+    for pair in sweeps.windows(2) {
+        assert_eq!(
+            pair[0].to, pair[1].from,
+            "after number {}",
+            pair[0].sequence
+        );
+    }
+    assert_eq!(
+        sweeps[sweeps.len() - 1].to,
+        replica.copy().unwrap().pose().steps()
+    );
+}
+
+/// The server judges what it merges: a sweep that no tool can have made in a tick, and one from out of reach, are refused and cut nothing.
+#[test]
+fn a_sweep_that_cannot_have_been_is_refused() {
+    let mut rig = cutting_over(Impairment::default(), 1);
+    rig.run_for(Duration::from_secs(4));
+    rig.hold_handles_fast();
+    rig.run_for(Duration::from_millis(200));
+    let removed = rig.session().clay().removed_units();
+    let mut forged = rig.handle().frame().clone();
+    let next = rig.replica().unwrap().log().last() + 1;
+    let at = |x: f64| Pose::quantise([x, 0.032, 0.03]).unwrap().steps();
+    forged.header.sequence = forged.header.sequence.wrapping_add(1);
+    forged.sweeps.clear();
+    for (number, from, to) in [(next, at(0.02), at(0.10)), (next + 1, at(2.0), at(2.0))] {
+        let record = SweepRecord {
+            sequence: number,
+            from,
+            to,
+        };
+        forged.sweeps.push(record).unwrap();
+    }
+    let now = rig.now();
+    rig.session_mut().on_frame(now, 0, forged);
+    rig.run_for(TICK * 3);
+    assert_eq!(rig.tool().view().sweeps_refused, 2);
+    assert_eq!(rig.session().clay().removed_units(), removed);
+}
+
+/// A refusal says that the two differ, in the middle of a cut. One picture heals it, for what the hand has cut since it was taken is repeated on it.
+#[test]
+fn one_picture_heals_a_copy_that_is_being_cut() {
+    let mut rig = cutting_over(line(50, 0.0, 0.0), 1);
+    rig.run_for(Duration::from_secs(4));
+    let mut forged = rig.handle().frame().clone();
+    // A number that the hand does not come to in this test.
+    let number = rig.replica().unwrap().log().last() + 6000;
+    let out_of_reach = Pose::quantise([2.0, 0.0, 0.0]).unwrap().steps();
+    forged.header.sequence = forged.header.sequence.wrapping_add(1);
+    forged.sweeps.clear();
+    let record = SweepRecord {
+        sequence: number,
+        from: out_of_reach,
+        to: out_of_reach,
+    };
+    forged.sweeps.push(record).unwrap();
+    let now = rig.now();
+    rig.session_mut().on_frame(now, 0, forged);
+    let mut pictures = 0;
+    for _ in 0..8000 {
+        if rig.now() == now.after(Duration::from_secs(3)) {
+            rig.hold_handles_fast();
+        }
+        rig.tick();
+        let wanted = rig.replica().unwrap().wanted_picture();
+        pictures = pictures.max(wanted.map_or(0, |wanted| wanted.number));
+    }
+    assert_eq!(rig.tool().view().sweeps_refused, 1);
+    assert_eq!(pictures, 1);
+    assert_clay_is_one(&rig, "healed");
 }
 
 /// Five seconds without a line, in the middle of a cut.

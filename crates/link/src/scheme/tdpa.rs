@@ -344,4 +344,15 @@ mod tests {
             }
         }
     }
+
+    /// A calm stroke cannot save up for a long swing.
+    #[test]
+    fn what_is_at_hand_is_bounded() {
+        let mut energy = PortEnergy::NONE;
+        for tick in 0..1000 {
+            energy.on_far_energy(f64::from(tick) * 1e-3);
+        }
+        assert!(energy.at_hand.at_hand_j() <= MOST_AT_HAND_J);
+        assert!(0.9 * MOST_AT_HAND_J < energy.at_hand.at_hand_j());
+    }
 }
