@@ -60,6 +60,15 @@ describe("the Experiment page", () => {
     await page.set("position_ratio", "0.5");
     await page.set("hand_force_n", "3");
     await page.page.getByText("The measurement belongs to other settings").waitFor();
+    await until("the theory's marks stand where these settings put them", async () => {
+      const { zero_px, unit_px } = await page.figure("fig7");
+      for (const [n, clay] of (await clayOfRanges()).entries()) {
+        // The middle of 3–6, 6–9, 9–12 cm.
+        const [x, y] = [zero_px.x + unit_px.x * (4.5 + 3 * n), zero_px.y - unit_px.y * (await closedForm(clay))];
+        if ((await page.inkedAt("fig7", "--text", { x, y, radius: 7 })) < 20) return false;
+      }
+      return true;
+    });
     await run();
     expect(await page.page.getByText("The measurement belongs to other settings").count()).toBe(0);
     const clay = await clayOfRanges();
