@@ -100,3 +100,45 @@ fn the_wave_line_shows_the_stiffness_that_theory_says() {
         );
     }
 }
+
+/// In steady motion a line shows the clay's damping and nothing of its own, at any ratios: `v = f / (B + rho B_clay)`.
+#[test]
+fn the_wave_line_in_steady_cutting_shows_the_clays_damping() {
+    for (position_ratio, force_ratio, force_n) in [
+        (1.0, 1.0, 0.9),
+        (0.5, 3.0, 1.0),
+        (2.0, 0.7, 1.2),
+        (0.5, 0.8, 1.5),
+    ] {
+        let parameters = LoopParameters {
+            position_ratio,
+            force_ratio,
+            ..running(Scheme::Wave)
+        };
+        let by = Impairment {
+            delay: TICK * 10,
+            ..Impairment::default()
+        };
+        let lines = Lines {
+            up: by,
+            up_seed: 1,
+            down: by,
+            down_seed: 2,
+        };
+        // 3 cm² of the blade's face in it: 30 N s/m.
+        let push = Intent::sensor_force([force_n, 0.0, 0.0]).unwrap();
+        let mut rig = embedded(parameters, push, material(1e5, 0.0, 0.0), lines);
+        rig.run_for(Duration::from_millis(1000));
+        let from_m = rig.device().sample().position_m[0];
+        rig.run_for(Duration::from_millis(200));
+        let speed_m_s = (rig.device().sample().position_m[0] - from_m) / 0.2;
+        let damping = LoopParameters::default().virtual_damping_n_s_per_m;
+        let expected = force_n / (damping + 30.0 * position_ratio / force_ratio);
+        println!("{position_ratio}, {force_ratio}: {speed_m_s:.5} m/s, theory {expected:.5} m/s");
+        assert!(rig.tool().view().position_m[0] < 0.124, "out of the clay");
+        assert!(
+            (speed_m_s / expected - 1.0).abs() < 0.02,
+            "{speed_m_s} m/s, theory {expected}"
+        );
+    }
+}
