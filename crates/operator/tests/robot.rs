@@ -313,6 +313,26 @@ fn slow_joints_lag_and_catch_up() {
     assert!((z + 0.03).abs() < 1e-4, "{z}");
 }
 
+/// Where joints have ways of different lengths, the longest is turned at the limit and the others in proportion.
+#[test]
+fn slow_joints_keep_their_proportions() {
+    let mut setup = RobotSetup::default();
+    setup.limits.speed_rad_s = 0.2;
+    let mut robot = RobotHandle::new(Axes::Three, TICK_S, Intent::Idle, &setup).unwrap();
+    let mut slowed = 0;
+    for _ in 0..500 {
+        robot.command([0.03, -0.01, 0.01]);
+        let state = robot.state();
+        let at_limit = |rate: &&f64| 0.199 < rate.abs();
+        let fastest = state.rates_rad_s.iter().filter(at_limit).count();
+        if state.is_slowed && 0 < slowed {
+            assert_eq!(fastest, 1, "{state:?}");
+        }
+        slowed += u32::from(state.is_slowed);
+    }
+    assert!(100 < slowed, "{slowed} ticks");
+}
+
 /// On two axes the robot carries the lift at the height at which the operator holds it.
 #[test]
 fn on_two_axes_the_third_is_a_lift() {
