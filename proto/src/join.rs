@@ -139,6 +139,9 @@ pub enum FreshReply {
     },
 }
 
+/// Beyond half of a force nothing is felt as the same.
+pub(crate) const MAX_DEADBAND: f64 = 0.5;
+
 /// How to run the loop; both sides run the same. The answer to a query of `…/parameters`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
@@ -167,6 +170,9 @@ pub struct LoopParameters {
     pub tool_stiffness_n_per_m: f64,
     /// Line impedance `b` of the wave scheme, N·s/m.
     pub wave_impedance_n_s_per_m: f64,
+    /// Share of a force or velocity whose change the hand cannot feel: frames that change less are left out. 0 leaves none out.
+    #[serde(default)]
+    pub deadband: f64,
     /// After this long without a frame the other side counts as gone, s.
     pub silence_s: f64,
     /// In this time forces ramp to zero after silence, and back up after it, s.
@@ -204,6 +210,7 @@ impl Default for LoopParameters {
             tool_stiffness_n_per_m: 0.0,
             // The tool's own damping: a tool in free air then reflects no wave at low frequency.
             wave_impedance_n_s_per_m: 20.0,
+            deadband: 0.0,
             // A hundred ticks: no loss of single packets reaches it, and a hand hardly moves within it.
             silence_s: 0.1,
             ramp_s: 0.05,
@@ -310,6 +317,7 @@ impl Validate for LoopParameters {
             self.wave_impedance_n_s_per_m,
             1e-3..=1e5,
         )?;
+        check("/deadband", self.deadband, 0.0..=MAX_DEADBAND)?;
         check("/silence_s", self.silence_s, 1e-3..=10.0)?;
         check("/ramp_s", self.ramp_s, 1e-3..=10.0)?;
         check("/force_limit_n", self.force_limit_n, 0.0..=1e3)?;

@@ -143,7 +143,7 @@ fn only_a_name_is_needed_for_a_session() {
         NewSession::new(SessionId::new("demo").expect("a name"))
     );
     let plain = json!({
-        "id": "demo", "axes": 2, "scheme": "replica", "tools": 1,
+        "id": "demo", "axes": 2, "deadband": 0.0, "scheme": "replica", "tools": 1,
         "material": { "viscosity_pa_s_per_m": 2e5, "yield_stress_pa": 0.0, "stiffness_pa": 0.0 },
         "network": { "up": undisturbed(), "down": undisturbed() },
         "clay": { "shape": { "kind": "block", "size_m": [0.128, 0.064, 0.064] }, "voxel_size_m": 5e-4 },

@@ -221,6 +221,7 @@ pub(crate) fn parameters(spec: &NewSession) -> LoopParameters {
     LoopParameters {
         axes: spec.axes,
         scheme: spec.scheme,
+        deadband: spec.deadband,
         home_m,
         reach_m: [[-MARGIN_M; 3], size.map(|edge| edge + MARGIN_M)],
         tool: spec.tool,

@@ -68,6 +68,7 @@ pub(crate) fn session(
             epoch,
         },
         tool: settings.spec.tool,
+        deadband: settings.parameters.deadband,
         tools: tools(&settings, &stats),
         position_ratio: settings.parameters.position_ratio,
         coordination_m,

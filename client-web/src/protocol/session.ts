@@ -93,6 +93,7 @@ export const sessionSchema = v.object({
     epoch: v.number(),
   }),
   tool: toolShape,
+  deadband: v.number(),
   tools: v.array(toolState),
   position_ratio: v.number(),
   coordination_m: v.number(),

@@ -18,6 +18,7 @@ export function fakeSession(change: Partial<Session> = {}): Session {
       hash: "0123456789abcdef", shape: { kind: "block", size_m: [0.128, 0.064, 0.064] }, epoch: 1,
     },
     tool: { kind: "ball", radius_m: 0.0064 },
+    deadband: 0,
     tools: [{
       id: 1, operator: "Ada", connected: true, position_m: [0, 0, 0], force_n: [0, 0, 0], handle_position_m: [0, 0, 0],
       felt_force_n: [0, 0, 0], hand_force_n: [0, 0, 0], home_m: [0, 0, 0], copy: "none", hidden_force_n: [0, 0, 0], sweeps_refused: 0,

@@ -157,7 +157,7 @@ impl HandleSide {
                 engagement: Engagement::Engaged,
                 ..HandleFrame::default()
             },
-            deadband: None,
+            deadband: model.deadband(parameters.deadband)?,
             announced: None,
             is_due: false,
             retired: None,

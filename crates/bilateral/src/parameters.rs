@@ -12,6 +12,7 @@ use teleclay_control::{
     StateSpace, StateSpaceError, paper,
 };
 use teleclay_link::Vec3;
+use teleclay_link::deadband::{Deadband, DeadbandError, DeadbandSettings};
 use teleclay_link::replica::Workplace;
 use teleclay_link::safety::{ForceLimits, WatchdogTimes};
 use teleclay_link::scheme::{Coupling, Ground};
@@ -56,6 +57,9 @@ pub enum ParameterError {
     /// There is no such clay.
     #[error(transparent)]
     Material(#[from] MaterialError),
+    /// Frames cannot be left out like this.
+    #[error(transparent)]
+    Deadband(#[from] DeadbandError),
 }
 
 /// The shape that a description describes.
@@ -191,6 +195,20 @@ impl LoopModel {
                 Axes::Three => 3,
             },
         })
+    }
+
+    /// What decides which frames go out, where not every one does. The heartbeat is a quarter of the allowed silence at most.
+    pub(crate) fn deadband(&self, fraction: f64) -> Result<Option<Deadband>, DeadbandError> {
+        if fraction <= 0.0 {
+            return Ok(None);
+        }
+        let settings = DeadbandSettings::default();
+        let settings = DeadbandSettings {
+            fraction,
+            heartbeat: settings.heartbeat.min(self.watchdog.silence / 4),
+            ..settings
+        };
+        Deadband::new(settings, self.watchdog.silence).map(Some)
     }
 
     /// Tick, s.

@@ -163,7 +163,7 @@ impl ToolSide {
                 header,
                 ..ToolFrame::default()
             },
-            deadband: None,
+            deadband: model.deadband(parameters.deadband)?,
             announced: None,
             is_due: false,
             model,

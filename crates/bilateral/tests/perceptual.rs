@@ -260,3 +260,22 @@ fn a_heartbeat_too_slow_for_the_watchdog_is_refused() {
     rig.run_for(Duration::from_secs(1));
     assert_eq!(rig.frames_sent(), [1000, 1000]);
 }
+
+#[test]
+fn a_session_that_asks_for_a_deadband_has_it_at_both_ends() {
+    let counts = |rig: &mut Rig| {
+        rig.run_for(Duration::from_secs(2));
+        rig.frames_sent()
+    };
+    let parameters = LoopParameters {
+        deadband: DeadbandSettings::default().fraction,
+        ..running(Scheme::Tdpa)
+    };
+    let lines = || both_ways(line(20, 0.0, 0.0), 1);
+    let clay = || viscous(CLAY_PA_S_PER_M);
+    let mut asked = embedded(parameters, stroke(), clay(), lines());
+    let mut told = sparing(embedded(running(Scheme::Tdpa), stroke(), clay(), lines()));
+    let [up, down] = counts(&mut asked);
+    assert_eq!([up, down], counts(&mut told));
+    assert!(up < 1000 && down < 1000, "{up} up, {down} down");
+}

@@ -5,7 +5,7 @@ use utoipa::ToSchema;
 
 use super::{
     Axes, ClayHash, ClayShape, ClaySpec, FieldError, Material, Network, Scheme, SessionId,
-    ToolDescription, Validate,
+    ToolDescription, Validate, check,
 };
 use crate::frame::CopyState;
 
@@ -36,6 +36,10 @@ pub struct NewSession {
     /// The tool of every operator.
     #[serde(default)]
     pub tool: ToolDescription,
+    /// Share of a force or velocity whose change the hand cannot feel: frames that change less are left out. 0 leaves none out; a hand notices 0.07.
+    #[serde(default)]
+    #[schema(minimum = 0.0, maximum = 0.5, default = 0.0)]
+    pub deadband: f64,
     /// How many operators may join.
     #[serde(default = "one")]
     #[schema(minimum = 1, maximum = 8, default = 1)]
@@ -54,6 +58,7 @@ impl NewSession {
             network: Network::default(),
             clay: ClaySpec::default(),
             tool: ToolDescription::default(),
+            deadband: 0.0,
             tools: one(),
         }
     }
@@ -65,6 +70,7 @@ impl Validate for NewSession {
         self.network.validate_under("/network")?;
         self.clay.validate_under("/clay")?;
         self.tool.validate_under("/tool")?;
+        check("/deadband", self.deadband, 0.0..=crate::join::MAX_DEADBAND)?;
         if !(1..=MAX_TOOLS).contains(&self.tools) {
             return Err(FieldError::new(
                 "/tools",
@@ -101,6 +107,8 @@ pub struct Session {
     pub clay: ClayState,
     /// The shape of the tools.
     pub tool: ToolDescription,
+    /// Share of a force or velocity below which its change is not sent; 0 when every tick is.
+    pub deadband: f64,
     /// One entry for each operator who may join, in the order of their `id`.
     pub tools: Vec<ToolState>,
     /// Tool displacement per handle displacement.

@@ -92,3 +92,35 @@ fn volume_is_conserved_at_every_look_while_blocks_come_and_go() {
     println!("{looks} looks while cutting");
     assert!(100 < looks);
 }
+
+/// A hand that cannot tell a change of 7 % misses nothing where such changes are not sent, and the line carries a fraction.
+#[test]
+fn with_a_deadband_most_frames_are_left_out_and_the_cut_goes_on() {
+    let server = Server::on_free_ports().unwrap();
+    let client = &server.client;
+    for scheme in ["force_exchange", "replica"] {
+        client
+            .create(&json!({
+                "id": scheme, "scheme": scheme, "deadband": 0.07,
+                "tool": {"kind": "ball", "radius_m": 0.0064},
+            }))
+            .unwrap();
+        let options = HandleOptions::new(&server.endpoint()).in_session(scheme);
+        let mut handle = Handle::start(&options).unwrap();
+        let began = client
+            .session_when(scheme, "a cut", PATIENCE, cuts)
+            .unwrap();
+        let ended = client.let_pass(scheme, 4000).unwrap();
+        assert!(ended.clay.remaining_units < began.clay.remaining_units);
+        let state = &ended.control_loop;
+        println!(
+            "{scheme}: {:.0} frames a second up, {:.0} down",
+            state.packets_up_per_s, state.packets_down_per_s
+        );
+        assert!((40.0..500.0).contains(&state.packets_up_per_s), "{state:?}");
+        assert!(handle.process.end().unwrap().success());
+        let rows = handle.ticks().unwrap();
+        let alive = rows.iter().filter(|row| row.contact == "live").count();
+        assert!(3900 < alive, "{alive} ticks with frames");
+    }
+}

@@ -230,6 +230,7 @@ pub(super) fn join() -> Value {
                 network: Network { up: impairment(), down: impairment() },
                 clay: ClaySpec { shape: ClayShape::stepped(), voxel_size_m: 1e-3 },
                 tool: ToolDescription::Ball { radius_m: 0.0064 },
+                deadband: 0.07,
                 tools: 8,
             }),
         ],
@@ -345,6 +346,7 @@ fn session() -> Session {
             epoch: 1,
         },
         tool: ToolDescription::default(),
+        deadband: 0.07,
         tools: vec![ToolState {
             id: 1,
             operator: "Ada".to_owned(),
