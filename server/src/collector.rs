@@ -312,6 +312,7 @@ impl State {
                 continue;
             };
             let shared = &watched.shared;
+            shared.has_come_to(record.ticks);
             publish(shared, &record);
             for place in 0..MAX_PLACES {
                 if let Some(because) = record.tools[place]

@@ -1,6 +1,7 @@
 //! What all of the server knows of one session: its settings, its leases, its statistics, its mirror of the clay.
 
 use std::sync::Mutex;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use teleclay_clay::Clay;
@@ -11,7 +12,7 @@ use teleclay_proto::watch::{Level, TelemetrySample};
 use tokio::sync::broadcast;
 
 use crate::collector::{LoopStats, SessionStats};
-use crate::engine::MAX_PLACES;
+use crate::engine::{MAX_PLACES, TICK};
 use crate::state;
 
 /// Samples that a watcher may fall behind before it loses some: four seconds of one tool.
@@ -84,6 +85,8 @@ pub(crate) struct SessionShared {
     pub(crate) settings: Mutex<Settings>,
     pub(crate) stats: Mutex<SessionStats>,
     pub(crate) mirror: Mutex<Mirror>,
+    /// Ticks at the last record; apart from the statistics, so that whoever holds those can tell the time.
+    ticks: AtomicU64,
     telemetry: broadcast::Sender<Sample>,
     events: broadcast::Sender<Event>,
 }
@@ -106,6 +109,7 @@ impl SessionShared {
                 clay: mirror,
                 epoch: 1,
             }),
+            ticks: AtomicU64::new(0),
             telemetry: broadcast::channel(SAMPLES_KEPT).0,
             events: broadcast::channel(EVENTS_KEPT).0,
         }
@@ -151,12 +155,18 @@ impl SessionShared {
             Level::Warning => tracing::warn!(session = %self.id, "{text}"),
             Level::Error => tracing::error!(session = %self.id, "{text}"),
         }
-        let ticks = self.stats.try_lock().map_or(0, |stats| stats.record.ticks);
+        let ticks = self.ticks.load(Ordering::Relaxed);
+        // An error means that nobody watches.
         let _ = self.events.send(Event {
             level,
             text,
-            time_s: ticks as f64 * 1e-3,
+            time_s: ticks as f64 * TICK.as_secs_f64(),
         });
+    }
+
+    /// The session has come to this tick.
+    pub(crate) fn has_come_to(&self, ticks: u64) {
+        self.ticks.store(ticks, Ordering::Relaxed);
     }
 
     pub(crate) fn tell_connection(&self, place: usize, is_connected: bool) {

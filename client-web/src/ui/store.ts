@@ -9,8 +9,8 @@ import { pictureQuality } from "./picture_quality";
 
 export const live = new Live(browser);
 export const theory = new Theory(browser);
-/** What `teleclay-latency` made when this page was published, if it was put there. */
-const published = import.meta.glob<string>("../../tables/latency.json", { query: "?url", import: "default", eager: true });
+/** The published table; a page that was built without it shows what a server or a file gives. */
+const published = import.meta.glob<string>("../../../docs/latency/table.json", { query: "?url", import: "default", eager: true });
 export const tables = new Tables(browser, Object.values(published).at(0));
 export const clayFeed = new ClayFeed(pictureQuality() === "plain" ? "half" : "full", (reason) => live.report("error", `clay not understood: ${reason}`));
 
