@@ -20,10 +20,6 @@ use crate::process::Interrupt;
 use crate::progress::duration;
 use crate::workspace::Workspace;
 
-/// Steps that run only by name. The page's test waits for schemes that are not there yet, and starves where Chromium draws in
-/// software on the two cores that the loop needs as well.
-const ON_REQUEST: [&str; 1] = ["browser"];
-
 /// What `cargo verify` can be told.
 #[derive(Args)]
 pub(crate) struct Options {
@@ -47,13 +43,8 @@ pub(crate) fn run(options: &Options, interrupt: &Interrupt) -> Result<()> {
         return Ok(());
     }
     let workspace = Workspace::find()?;
-    let is_asked = |step: &&Step| {
-        if options.only.is_empty() {
-            !ON_REQUEST.contains(&step.name)
-        } else {
-            options.only.iter().any(|only| only == step.name)
-        }
-    };
+    let is_asked =
+        |step: &&Step| options.only.is_empty() || options.only.iter().any(|only| only == step.name);
     let chosen: Vec<&Step> = STEPS.iter().filter(is_asked).collect();
     let began = Instant::now();
     let mut rows: Vec<Row> = Vec::new();
