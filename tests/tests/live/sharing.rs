@@ -124,3 +124,27 @@ fn with_a_deadband_most_frames_are_left_out_and_the_cut_goes_on() {
         assert!(3900 < alive, "{alive} ticks with frames");
     }
 }
+
+#[test]
+fn the_stl_of_a_cut_block_has_no_open_edge_and_holds_what_is_left() {
+    let server = Server::on_free_ports().unwrap();
+    let client = &server.client;
+    let _ada = Handle::start(&HandleOptions::new(&server.endpoint())).unwrap();
+    client
+        .session_when(DEMO, "a hundredth to be cut", PATIENCE, |session| {
+            session.clay.initial_units / 100 < session.clay.removed_units
+        })
+        .unwrap();
+    client.patch(DEMO, &json!({"paused": true})).unwrap();
+    let left = client.let_pass(DEMO, 200).unwrap().clay;
+    let audit = teleclay_tests::mesh::audit(&client.stl(DEMO).unwrap()).unwrap();
+    // Millimetres in the file, metres in the session.
+    let share = audit.volume * 1e-9 / left.remaining_volume_m3;
+    println!("{} triangles, {share:.5} of the volume", audit.triangles);
+    assert!(10_000 < audit.triangles);
+    assert_eq!(audit.open_edges, 0);
+    assert!((share - 1.0).abs() < 0.02, "{share}");
+    // The whole block would be no answer: what was cut is a hundredth.
+    let initial_mm3 = left.initial_volume_m3 * 1e9;
+    assert!(audit.volume < 0.995 * initial_mm3, "{} mm3", audit.volume);
+}
