@@ -213,7 +213,7 @@ fn write_costs(text: &mut String, rows: &[Row]) -> std::fmt::Result {
     )?;
     writeln!(
         text,
-        "| scheme | cells with **u** in any seed | of | first at, one way | least energy, mJ | frames/s | kB/s on a steady line | kB/s at most |"
+        "| scheme | cells with u in any seed | of | first at, one way | least energy, mJ | frames/s | kB/s on a steady line | kB/s at most |"
     )?;
     writeln!(text, "|---|---:|---:|---:|---:|---:|---:|---:|")?;
     for scheme in SCHEMES.map(|scheme| scheme.to_string()) {
