@@ -84,17 +84,29 @@ describe("the Stability page", () => {
 
   it("draws Nyquist with equal axes, -1 marked, the curve where the server has it", async () => {
     await page.choose("loop", "open");
+    let unitBefore_px = 0;
     for (const zoom of ["near", "mid", "far"]) {
       await page.choose("zoom", zoom);
-      const figure = await page.figure("nyquist");
+      // The figure is drawn in the frame after the choice: until then it is the one before, or none.
+      await until(`-1 is marked at zoom ${zoom}`, async () => {
+        const { unit_px, zero_px } = await page.figure("nyquist");
+        if (unit_px.x === unitBefore_px) return false;
+        const about = { x: zero_px.x - unit_px.x, y: zero_px.y, radius: 8 };
+        return 10 < (await page.inkedAt("nyquist", "--bad", about));
+      });
+      const { unit_px } = await page.figure("nyquist");
       // One unit is as long on either axis, in pixels that can be counted.
-      expect(figure.unit_px.x).toBeCloseTo(figure.unit_px.y, 6);
-      const [x, y] = [figure.zero_px.x - figure.unit_px.x, figure.zero_px.y];
-      expect(await page.inkedAt("nyquist", "--bad", { x, y, radius: 8 }), `-1 is marked at zoom ${zoom}`).toBeGreaterThan(10);
+      expect(unit_px.x).toBeCloseTo(unit_px.y, 6);
+      unitBefore_px = unit_px.x;
     }
     await page.choose("zoom", "near");
-    const { unit_px, zero_px } = await page.figure("nyquist");
     const { nyquist: { re, im } } = await analyse(PAPER);
+    const { unit_px, zero_px } = await until("the figure is near again", async () => {
+      const figure = await page.figure("nyquist");
+      const about = { x: figure.zero_px.x - figure.unit_px.x, y: figure.zero_px.y, radius: 8 };
+      const isDrawn = 10 < (await page.inkedAt("nyquist", "--bad", about));
+      return figure.unit_px.x !== unitBefore_px && isDrawn ? figure : false;
+    });
     let seen = 0;
     for (const [n, real] of re.entries()) {
       if (1 < Math.hypot(real, im[n]) || n % 8 !== 0) continue;
@@ -104,7 +116,7 @@ describe("the Stability page", () => {
     }
     expect(seen).toBeGreaterThan(3);
     await page.choose("loop", "position_force");
-    expect(await page.inked("nyquist", "--tool")).toBeGreaterThan(100);
+    await until("the other loop's curve is drawn", async () => 100 < (await page.inked("nyquist", "--tool")));
   });
 
   it("reads Bode under the mouse, and shows the same frequency in Nyquist", async () => {
