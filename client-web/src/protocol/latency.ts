@@ -44,9 +44,6 @@ const wall = v.object({
 
 export const latencyTableSchema = v.object({ wall: v.array(wall), cells: v.array(cell) });
 
-/** Of an OpenAPI document, as much as says which calls there are. */
-export const callsSchema = v.object({ paths: v.record(v.string(), v.unknown()) });
-
 export type LatencyCell = v.InferOutput<typeof cell>;
 export type LatencyTable = v.InferOutput<typeof latencyTableSchema>;
 export type WallRow = v.InferOutput<typeof wall>;

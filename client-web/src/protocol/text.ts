@@ -2,7 +2,7 @@
 
 import * as v from "valibot";
 import { DecodeError } from "./header";
-import { callsSchema, type LatencyTable, latencyTableSchema } from "./latency";
+import { type LatencyTable, latencyTableSchema } from "./latency";
 import * as theory from "./theory";
 import { clayResetSchema, patchSchema, problemSchema, sessionSchema } from "./session";
 import type { Problem, Session } from "./session";
@@ -45,8 +45,6 @@ export const decodeJacobianAnswer = (text: string): theory.JacobianAnswer => dec
 export const decodeWorkspaceAnswer = (text: string): theory.WorkspaceAnswer => decode(theory.workspaceAnswerSchema, text);
 
 export const decodeLatencyTable = (text: string): LatencyTable => decode(latencyTableSchema, text);
-/** The paths that an OpenAPI document names. */
-export const decodeCalls = (text: string): string[] => Object.keys(decode(callsSchema, text).paths);
 
 /** The problem in an answer's body; nothing when the body is something else, such as a proxy's page. */
 export function decodeProblem(text: string): Problem | undefined {

@@ -4,47 +4,40 @@ import { Tables } from "./tables";
 
 const TABLE = JSON.stringify({ wall: [], cells: [] });
 
-function serving(paths: string[], table: { status: number; body: string }): FakePlatform {
+function serving(status: number, body: string): FakePlatform {
   const platform = new FakePlatform();
-  platform.answer = (_method, path) =>
-    path.endsWith("openapi.json") ? { status: 200, body: JSON.stringify({ openapi: "3.1.0", paths: Object.fromEntries(paths.map((p) => [p, {}])) }) } : table;
+  platform.answer = () => ({ status, body });
   return platform;
 }
 
 describe("the latency table", () => {
-  it("is the server's where it offers one", async () => {
-    const tables = new Tables(serving(["/api/v1/latency-table"], { status: 200, body: TABLE }));
-    await tables.look();
-    expect(tables.state.value).toEqual({ name: "shown", table: { wall: [], cells: [] }, origin: "this server" });
-  });
-
-  it("is not asked for where there is none, so that nothing is logged as an error", async () => {
-    const platform = serving(["/api/v1/sessions"], { status: 404, body: "" });
-    const tables = new Tables(platform);
-    await tables.look();
-    expect(tables.state.value.name).toBe("none");
-    expect(platform.requests.map(({ path }) => path)).toEqual(["api/v1/openapi.json"]);
-  });
-
-  it("is the published one where the server has none, and the server's where it has", async () => {
-    const platform = serving([], { status: 200, body: TABLE });
+  it("is the one that came with the page", async () => {
+    const platform = serving(200, TABLE);
     const tables = new Tables(platform, "assets/latency.json");
     await tables.look();
-    expect(tables.state.value).toMatchObject({ name: "shown", origin: "published with this page" });
-    expect(platform.requests.map(({ path }) => path)).toEqual(["api/v1/openapi.json", "assets/latency.json"]);
-    const own = new Tables(serving(["/api/v1/latency-table"], { status: 200, body: TABLE }), "assets/latency.json");
-    await own.look();
-    expect(own.state.value).toMatchObject({ origin: "this server" });
+    expect(tables.state.value).toEqual({ name: "shown", table: { wall: [], cells: [] }, origin: "published with this page" });
+    expect(platform.requests.map(({ path }) => path)).toEqual(["assets/latency.json"]);
   });
 
-  it("is none where the published one cannot be had", async () => {
-    const tables = new Tables(serving([], { status: 404, body: "" }), "assets/latency.json");
+  it("is none where the page came without one, and nothing is asked for", async () => {
+    const platform = serving(404, "");
+    const tables = new Tables(platform);
     await tables.look();
-    expect(tables.state.value).toMatchObject({ name: "none" });
+    expect(tables.state.value).toMatchObject({ name: "none", reason: "This page came without a table." });
+    expect(platform.requests).toEqual([]);
+  });
+
+  it("is none where it cannot be had or read, and the reason is told", async () => {
+    for (const [status, body, reason] of [[404, "", "status 404"], [200, "{}", "cannot be read"]] as const) {
+      const tables = new Tables(serving(status, body), "assets/latency.json");
+      await tables.look();
+      expect(tables.state.value).toMatchObject({ name: "none" });
+      expect(JSON.stringify(tables.state.value)).toContain(reason);
+    }
   });
 
   it("may come from a file, and one that is no table leaves the last one on show", async () => {
-    const tables = new Tables(serving([], { status: 404, body: "" }));
+    const tables = new Tables(serving(404, ""));
     await tables.look();
     tables.read(TABLE, "table.json");
     expect(tables.state.value).toMatchObject({ name: "shown", origin: "table.json" });

@@ -1,9 +1,8 @@
-// The latency table on show: the server's, the one that came with this page, or one from a file.
+// The latency table on show: the one that came with this page, or one from a file.
 
 import { signal, type ReadonlySignal } from "@preact/signals-core";
 import type { LatencyTable } from "../protocol/latency";
-import { decodeCalls, decodeLatencyTable, decodeProblem } from "../protocol/text";
-import { API } from "./connection";
+import { decodeLatencyTable } from "../protocol/text";
 import type { Platform } from "./platform";
 
 export type TableState =
@@ -11,8 +10,6 @@ export type TableState =
   /** There is none, and why. */
   | { readonly name: "none"; readonly reason: string }
   | { readonly name: "shown"; readonly table: LatencyTable; readonly origin: string };
-
-const PATH = `${API}/latency-table`;
 
 export class Tables {
   readonly #platform: Platform;
@@ -35,13 +32,13 @@ export class Tables {
     return this.#refusal;
   }
 
-  /** Asks the server for its table, or takes the published one, unless one is on show. */
+  /** Takes the published table, unless one is on show. */
   async look(): Promise<void> {
-    if (this.#state.peek().name === "shown") return;
+    if (this.#isShown()) return;
     this.#state.value = { name: "looking" };
-    const found = await this.#ask();
-    const best = found.name === "shown" ? found : ((await this.#takePublished()) ?? found);
-    if (!this.#isShown()) this.#state.value = best;
+    const found = await this.#takePublished();
+    // A file may have been opened meanwhile.
+    if (!this.#isShown()) this.#state.value = found;
   }
 
   /** Shows the table in a file's text. */
@@ -58,27 +55,14 @@ export class Tables {
     return this.#state.peek().name === "shown";
   }
 
-  async #takePublished(): Promise<TableState | undefined> {
-    if (this.#published === undefined) return undefined;
+  async #takePublished(): Promise<TableState> {
+    if (this.#published === undefined) return { name: "none", reason: "This page came without a table." };
     try {
-      const answer = await this.#platform.request("GET", this.#published);
-      return answer.status === 200 ? { name: "shown", table: decodeLatencyTable(answer.body), origin: "published with this page" } : undefined;
-    } catch {
-      return undefined; // it says what the server has to say instead
-    }
-  }
-
-  async #ask(): Promise<TableState> {
-    try {
-      // A server without tables is not asked for one: browsers log a refusal as an error.
-      const calls = await this.#platform.request("GET", `${API}/openapi.json`);
-      const offers = calls.status === 200 && decodeCalls(calls.body).some((path) => path.endsWith(PATH));
-      if (!offers) return { name: "none", reason: "This server keeps no table." };
-      const answer = await this.#platform.request("GET", PATH);
-      if (answer.status === 200) return { name: "shown", table: decodeLatencyTable(answer.body), origin: "this server" };
-      return { name: "none", reason: decodeProblem(answer.body)?.detail ?? "This server has no table yet." };
+      const { status, body } = await this.#platform.request("GET", this.#published);
+      if (status === 200) return { name: "shown", table: decodeLatencyTable(body), origin: "published with this page" };
+      return { name: "none", reason: `The table of this page cannot be had: status ${status}.` };
     } catch (error) {
-      return { name: "none", reason: `The server's table cannot be read: ${error instanceof Error ? error.message : String(error)}` };
+      return { name: "none", reason: `The table of this page cannot be read: ${error instanceof Error ? error.message : String(error)}` };
     }
   }
 }

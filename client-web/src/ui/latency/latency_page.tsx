@@ -51,7 +51,7 @@ interface FilesProps {
 function Nothing({ reason, onFiles }: FilesProps & { readonly reason: string | undefined }): JSX.Element {
   return (
     <section class="panel nothing" aria-label="No table" data-testid="no-table">
-      <h2>{reason === undefined ? "Looking for the server's table …" : "No table yet"}</h2>
+      <h2>{reason === undefined ? "Looking for the table …" : "No table yet"}</h2>
       {reason !== undefined && (
         <>
           <p>{reason}</p>
