@@ -7,6 +7,7 @@
 )]
 #![allow(clippy::print_stdout, reason = "how long things took is a result, too")]
 
+mod agreement;
 mod endings;
 mod network;
 mod robot;
