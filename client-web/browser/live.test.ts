@@ -98,6 +98,15 @@ describe("the Live page", () => {
     await until("the round trip is short again", async () => within(await live.milliseconds("rtt-p50"), 0, SHORT_MS));
   });
 
+  it("changes the deadband, and fewer frames are sent", async () => {
+    await until("every frame is sent", async () => 700 < (await teleclay.session()).loop.packets_down_per_s);
+    await live.set("/deadband", "7");
+    await until("few frames are sent", async () => (await teleclay.session()).loop.packets_down_per_s < 300);
+    expect((await teleclay.session()).deadband).toBe(0.07);
+    await live.set("/deadband", "0");
+    await until("every frame is sent again", async () => 700 < (await teleclay.session()).loop.packets_down_per_s);
+  });
+
   it("shows a refusal beside its field, and the server's own value", async () => {
     await live.set("/network/up/delay_s", "5000");
     const field = live.page.getByTestId("/network/up/delay_s");
@@ -183,6 +192,28 @@ describe("the Live page", () => {
     expect(stl.length).toBe(84 + 50 * triangles);
   });
 
+  it("shows how the force of one hand is corrected by what another cuts", async () => {
+    await teleclay.create({
+      id: "both", tools: 2, tool: { kind: "ball", radius_m: 0.0064 }, material: { viscosity_pa_s_per_m: 6e5 },
+      network: { up: { delay_s: 0.04 }, down: { delay_s: 0.04 } },
+    });
+    for (const [name, first] of [["Ada", 1], ["Bob", -1]] as const) {
+      teleclay.startHandle("--session", "both", "--operator", name, "--intent", "trajectory", "--waypoints", strokes(first));
+    }
+    await show("both");
+    await live.choose("plots", "copy");
+    const corrections = live.page.getByTestId("corrections");
+    await until("something is corrected", async () => 10 < Number(await corrections.getAttribute("data-count")));
+    expect(await corrections.innerText()).toMatch(/at most 0\.\d\d N in a tick/);
+    for (const plot of ["hidden", "corrections", "age"]) {
+      const canvas = live.page.getByTestId(`plot-${plot}`).locator("canvas");
+      const before = await canvas.screenshot();
+      await until(`the ${plot} plot moves`, async () => 0.0005 < (await live.share(before, await canvas.screenshot())));
+    }
+    await live.keep("corrections");
+    await show("demo");
+  });
+
   it("says when nobody holds the handle, and when somebody does again", async () => {
     await teleclay.killHandles();
     await until("it says that nobody is connected", async () =>
@@ -218,6 +249,21 @@ describe("the Live page", () => {
     expect(live.complaints).toEqual([]);
   });
 });
+
+/** To and fro along x, each stroke a little deeper than the one before. */
+function strokes(first: number): string {
+  return Array.from({ length: 24 }, (_, leg) =>
+    `${0.03 * first * (leg % 2 === 0 ? 1 : -1)},0,${(-0.004 - 0.0015 * leg).toFixed(4)}@0.06`).join(";");
+}
+
+/** Shows another session, as somebody does who follows a link. */
+async function show(session: string): Promise<void> {
+  await live.page.evaluate((name) => {
+    location.hash = `#/live?session=${name}&picture=plain`;
+    location.reload();
+  }, session);
+  await until(`${session} is shown and runs`, async () => (await live.page.title()) === `running · ${session} · teleclay`);
+}
 
 function volumeOf(tool: ToolShape): number {
   return tool.kind === "ball" ? (4 / 3) * Math.PI * tool.radius_m ** 3 : tool.width_m * tool.height_m * tool.thickness_m;

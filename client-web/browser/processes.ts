@@ -106,6 +106,11 @@ export class Teleclay {
     await Promise.all(this.#handles.splice(0).map((handle) => handle.kill()));
   }
 
+  /** Makes another session. */
+  async create(session: object): Promise<void> {
+    await this.ask("sessions", session);
+  }
+
   /** A call of the theory, asked by the test itself: the answer as it comes. */
   async ask(path: string, question: unknown): Promise<string> {
     const answer = await fetch(`${this.url}/api/v1/${path}`, {

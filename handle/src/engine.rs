@@ -21,7 +21,7 @@ use teleclay_link::scheme::replica::Picture;
 use teleclay_link::time::Timestamp;
 use teleclay_operator::{DeviceSample, RobotState};
 use teleclay_proto::Scheme;
-use teleclay_proto::frame::CopyState;
+use teleclay_proto::frame::{CopyState, Corrections};
 use teleclay_shell::Clock;
 use teleclay_shell::ticker::{Next, Tick, Ticker, TickerConfig};
 
@@ -44,10 +44,11 @@ const DISCARDED_WAITING: usize = 16;
 pub(crate) enum Order {
     /// Goes on under another lease, once the handle is at rest.
     Take(Box<Seat>),
-    /// Another tool, place or clay from now on, under this lease.
+    /// Other parameters from now on, under this lease: tool, place or clay, and which frames are left out.
     Move {
         lease: u32,
         workplace: Arc<Workplace>,
+        deadband: f64,
     },
     /// The server's clay, under this lease.
     Show { lease: u32, picture: Picture },
@@ -98,6 +99,8 @@ pub(crate) struct Record {
     pub(crate) scheme: Scheme,
     /// What the copy of the clay is good for, where there is one.
     pub(crate) copy: CopyState,
+    /// What corrections of it have done to the hand.
+    pub(crate) corrections: Corrections,
     pub(crate) wishes: Wishes,
     pub(crate) fault: Option<NotFinite>,
     pub(crate) request: Option<DeviceRequest>,
@@ -245,6 +248,7 @@ impl Engine {
             lost_on_the_way_out: self.seat.lost_on_the_way_out(),
             scheme: self.seat.side.scheme(),
             copy: self.seat.side.frame().copy,
+            corrections: self.seat.side.frame().corrections,
             wishes: Wishes {
                 revision: self.seat.side.revision(),
                 picture: self.seat.side.wanted_picture(),
@@ -274,8 +278,14 @@ impl Engine {
                         self.discard(Discarded::Seat { _seat: overtaken });
                     }
                 }
-                Order::Move { lease, workplace } => {
+                Order::Move {
+                    lease,
+                    workplace,
+                    deadband,
+                } => {
                     let before = if lease == self.seat.lease {
+                        let set = self.seat.side.set_deadband(deadband);
+                        debug_assert!(set.is_ok(), "parameters are checked where they come in");
                         self.seat.side.move_to(workplace)
                     } else {
                         workplace
@@ -385,6 +395,7 @@ pub(crate) fn sample_record() -> Record {
         lost_on_the_way_out: 0,
         scheme: Scheme::ForceExchange,
         copy: CopyState::None,
+        corrections: Corrections::default(),
         wishes: Wishes {
             revision: 0,
             picture: None,

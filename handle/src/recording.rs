@@ -12,10 +12,12 @@ use crate::engine::{Mode, Record};
 
 /// The columns. Times are on the handle's own clock; `silence_s` is how long ago the last frame of the tool side came, `echo_s` how long
 /// ago it last showed that it had heard something new; `rtt_s` is empty unless a frame of this tick completed a round trip. The handle's
-/// position is its displacement from home. `copy` says what its copy of the clay is good for, where the scheme keeps one.
+/// position is its displacement from home. `copy` says what its copy of the clay is good for, where the scheme keeps one; `correction_moved_n` is
+/// how far corrections of that copy have moved the felt force since it was made, `correction_held_n` what they have still to let in.
 pub const COLUMNS: &str = "clock_s,lateness_s,lease,mode,contact,copy,silence_s,echo_s,rtt_s,\
     position_x_m,position_y_m,position_z_m,velocity_x_m_s,velocity_y_m_s,velocity_z_m_s,\
-    hand_force_x_n,hand_force_y_n,hand_force_z_n,felt_force_x_n,felt_force_y_n,felt_force_z_n";
+    hand_force_x_n,hand_force_y_n,hand_force_z_n,felt_force_x_n,felt_force_y_n,felt_force_z_n,\
+    correction_moved_n,correction_held_n";
 
 /// An open file.
 #[derive(Debug)]
@@ -79,7 +81,13 @@ fn write_line(file: &mut impl Write, record: &Record) -> io::Result<()> {
             write!(file, ",{value:?}")?;
         }
     }
-    writeln!(file)
+    let [x, y, z] = record.corrections.held_n;
+    writeln!(
+        file,
+        ",{:?},{:?}",
+        record.corrections.moved_n,
+        x.hypot(y).hypot(z)
+    )
 }
 
 const fn mode(mode: Mode) -> &'static str {
@@ -115,6 +123,8 @@ mod tests {
             record.at_ns = 2_000_001_000;
             record.heard.rtt_ns = rtt_ns;
             record.felt_force_n = [0.1, -2.0, 0.0];
+            record.corrections.moved_n = 1.5;
+            record.corrections.held_n = [0.0, -0.75, 1.0];
             let mut line = Vec::new();
             write_line(&mut line, &record).unwrap();
             let line = String::from_utf8(line).unwrap();
@@ -134,6 +144,10 @@ mod tests {
             assert_eq!(
                 (of("felt_force_x_n"), of("felt_force_y_n")),
                 ("0.1", "-2.0")
+            );
+            assert_eq!(
+                (of("correction_moved_n"), of("correction_held_n")),
+                ("1.5", "1.25")
             );
         }
     }

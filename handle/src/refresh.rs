@@ -34,10 +34,18 @@ pub(crate) struct Wishes {
     pub(crate) picture: Option<WantedPicture>,
 }
 
+/// Parameters that can change while a handle works.
+pub(crate) struct Changed {
+    pub(crate) revision: u16,
+    pub(crate) workplace: Arc<Workplace>,
+    /// Share of what is felt below which a change is not sent.
+    pub(crate) deadband: f64,
+}
+
 /// What came.
 pub(crate) struct Fresh {
     /// Parameters of the revision that was asked for, or of a later one.
-    pub(crate) parameters: Option<(u16, Arc<Workplace>)>,
+    pub(crate) parameters: Option<Changed>,
     /// The picture that was asked for.
     pub(crate) picture: Option<Picture>,
     /// What that took on the way and to build.
@@ -71,13 +79,17 @@ pub(crate) async fn refresh(
     })
 }
 
-async fn parameters(slow: &Session, keys: &SessionKeys) -> Result<(u16, Arc<Workplace>), String> {
+async fn parameters(slow: &Session, keys: &SessionKeys) -> Result<Changed, String> {
     let parameters: LoopParameters = text(slow, &keys.parameters()).await?;
     parameters
         .validate()
         .map_err(|error| format!("parameters: {error}"))?;
     let workplace = workplace(&parameters).map_err(|error| format!("parameters: {error}"))?;
-    Ok((parameters.revision, workplace))
+    Ok(Changed {
+        revision: parameters.revision,
+        workplace,
+        deadband: parameters.deadband,
+    })
 }
 
 async fn picture(slow: &Session, keys: &SessionKeys, epoch: u32) -> Result<Picture, String> {

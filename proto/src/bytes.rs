@@ -60,6 +60,10 @@ impl<'a> Reader<'a> {
         self.array().map(f64::from_le_bytes)
     }
 
+    pub(crate) fn f32x3(&mut self) -> Result<[f32; 3], FrameError> {
+        Ok([self.f32()?, self.f32()?, self.f32()?])
+    }
+
     pub(crate) fn f64x3(&mut self) -> Result<[f64; 3], FrameError> {
         Ok([self.f64()?, self.f64()?, self.f64()?])
     }
@@ -101,6 +105,12 @@ impl<'a> Writer<'a> {
     pub(crate) fn put<const N: usize>(&mut self, field: [u8; N]) {
         self.bytes[self.at..self.at + N].copy_from_slice(&field);
         self.at += N;
+    }
+
+    pub(crate) fn f32x3(&mut self, field: [f32; 3]) {
+        for value in field {
+            self.put(value.to_le_bytes());
+        }
     }
 
     pub(crate) fn f64x3(&mut self, field: [f64; 3]) {

@@ -4,8 +4,8 @@ use proptest::array::uniform3;
 use proptest::collection::vec;
 use proptest::prelude::*;
 use teleclay_proto::frame::{
-    CopyState, Engagement, HandleFrame, Header, LoopStatus, MAX_FRAME, MAX_SWEEPS, SweepRecord,
-    SweepRefusal, Sweeps, SweepsFull, ToolFrame,
+    CopyState, Corrections, Engagement, HandleFrame, Header, LoopStatus, MAX_FRAME, MAX_SWEEPS,
+    SweepRecord, SweepRefusal, Sweeps, SweepsFull, ToolFrame,
 };
 use teleclay_proto::watch::{
     BRICK_VOXELS, BrickBody, BrickContent, BricksHeader, BricksView, BricksWriter, MAX_PACKED,
@@ -59,10 +59,19 @@ fn any_handle_frame() -> impl Strategy<Value = HandleFrame> {
         any_vectors::<7>(),
         any::<u64>(),
         copy,
+        any_corrections(),
         any_sweeps(),
     )
         .prop_map(
-            |(header, engagement, vectors, clay_hash, (copy, relayed_acknowledged), sweeps)| {
+            |(
+                header,
+                engagement,
+                vectors,
+                clay_hash,
+                (copy, relayed_acknowledged),
+                corrections,
+                sweeps,
+            )| {
                 let [
                     position_m,
                     velocity_m_s,
@@ -85,10 +94,25 @@ fn any_handle_frame() -> impl Strategy<Value = HandleFrame> {
                     clay_hash,
                     relayed_acknowledged,
                     copy: CopyState::ALL[copy],
+                    corrections,
                     sweeps,
                 }
             },
         )
+}
+
+fn any_corrections() -> impl Strategy<Value = Corrections> {
+    (any::<[u32; 6]>(), any::<u64>(), any::<u32>()).prop_map(|(bits, moved, count)| {
+        let [x, y, z, largest_step_n, injected_j, tank_j] = bits.map(f32::from_bits);
+        Corrections {
+            moved_n: f64::from_bits(moved),
+            held_n: [x, y, z],
+            largest_step_n,
+            injected_j,
+            tank_j,
+            count,
+        }
+    })
 }
 
 fn any_sweeps() -> impl Strategy<Value = Sweeps> {
@@ -150,8 +174,19 @@ fn any_tool_frame() -> impl Strategy<Value = ToolFrame> {
 
 fn any_sample() -> impl Strategy<Value = TelemetrySample> {
     let vectors = proptest::array::uniform7(uniform3(-1e6_f32..1e6));
-    (vectors, uniform3(-1e6_f32..1e6)).prop_map(
-        |(vectors, [energy_handle_j, energy_tool_j, rtt_s])| {
+    let scalars = proptest::array::uniform6(-1e6_f32..1e6);
+    (vectors, scalars).prop_map(
+        |(
+            vectors,
+            [
+                energy_handle_j,
+                energy_tool_j,
+                rtt_s,
+                correction_step_n,
+                correction_held_n,
+                age_s,
+            ],
+        )| {
             let [
                 hand_force_n,
                 felt_force_n,
@@ -172,6 +207,9 @@ fn any_sample() -> impl Strategy<Value = TelemetrySample> {
                 energy_handle_j,
                 energy_tool_j,
                 rtt_s,
+                correction_step_n,
+                correction_held_n,
+                age_s,
             }
         },
     )
@@ -199,7 +237,7 @@ proptest! {
     fn handle_frames(frame in any_handle_frame()) {
         let mut buffer = [0xaa; MAX_FRAME];
         let bytes = frame.encode(&mut buffer).to_vec();
-        prop_assert_eq!(bytes.len(), 232 + 28 * frame.sweeps.len());
+        prop_assert_eq!(bytes.len(), 268 + 28 * frame.sweeps.len());
         let decoded = HandleFrame::decode(&bytes).expect("it was encoded");
         // NaN is not equal to itself, so the bytes are compared, and field by field what a swap would show in.
         prop_assert_eq!(decoded.encode(&mut buffer), bytes);
@@ -244,7 +282,7 @@ proptest! {
         let batch = TelemetryBatch { sequence, tool, period_us, dropped, first_time_s };
         let mut message = Vec::new();
         batch.encode(&samples, &mut message).expect("few samples");
-        prop_assert_eq!(message.len(), 32 + 96 * samples.len());
+        prop_assert_eq!(message.len(), 32 + 108 * samples.len());
         let view = TelemetryView::decode(&message).expect("it was encoded");
         prop_assert_eq!(view.batch, batch);
         prop_assert_eq!(view.len(), samples.len());
@@ -365,7 +403,7 @@ fn a_list_of_sweeps_takes_24_and_no_more() {
         sweeps,
         ..HandleFrame::default()
     };
-    assert_eq!(frame.encode(&mut buffer).len(), 232);
+    assert_eq!(frame.encode(&mut buffer).len(), 268);
 }
 
 #[test]
@@ -381,7 +419,7 @@ fn the_longest_frame_fills_the_buffer() {
         .is_ok()
     {}
     assert_eq!(frame.encode(&mut [0; MAX_FRAME]).len(), MAX_FRAME);
-    assert_eq!(MAX_FRAME, 904);
+    assert_eq!(MAX_FRAME, 940);
 }
 
 #[test]

@@ -227,6 +227,9 @@ fn a_handle_frame_laid_out_by_hand() {
         "fca9f1d24d62503f fca9f1d24d62603f fa7e6abc7493683f", // energy 0.001, 0.002, 0.003
         "1032547698badcfe",                                   // clay hash fedcba9876543210
         "51525354 02 000000", // relayed sweeps acknowledged, a stale copy
+        "000000000000f83f",   // corrections: moved 1.5 N so far
+        "0000003f 000040bf 0000803d 0000c03e", // 1/2, -3/4, 1/16 N held, a step of 3/8 N
+        "0000003b 0000003d 61626364", // 2^-9 J brought in, 2^-5 J in the tank, count
         "feffffff 03 000000", // oldest 2^32 - 2, three sweeps
         "feffffff 00000000 01000000 ffffffff 00000080 ffffff7f 01020304",
         "ffffffff 02000000 03000000 04000000 05000000 06000000 07000000",
@@ -277,8 +280,10 @@ fn a_batch_of_telemetry_laid_out_by_hand() {
         "00002041 0000a041 0000f041", // handle velocity 10, 20, 30
         "00002042 00004842 00007042", // tool velocity 40, 50, 60
         "0000403f 000040bf 0000003c", // energies 3/4, -3/4, round trip 1/128
+        "0000803e 0000003f 0000803c", // correction step 1/4, held 1/2, age 1/64
         nothing.as_str(),
-        "00000080 0000c07f", // energy -0, round trip NaN
+        "00000080 0000c07f",          // energy -0, round trip NaN
+        "00000000 00000000 00000000", // nothing corrected, just heard
     ];
     assert_eq!(
         list(&file("telemetry.json"), "cases")[1]["hex"],

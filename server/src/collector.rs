@@ -313,7 +313,6 @@ impl State {
             };
             let shared = &watched.shared;
             shared.has_come_to(record.ticks);
-            publish(shared, &record);
             for place in 0..MAX_PLACES {
                 if let Some(because) = record.tools[place]
                     .as_ref()
@@ -331,6 +330,7 @@ impl State {
                 }
             }
             let mut stats = shared.stats.lock().expect("no holder panics");
+            publish(shared, &stats.record, &record);
             tell_transitions(shared, &stats.record, &record);
             stats.rtt.turn(now);
             stats.age.turn(now);
@@ -370,12 +370,13 @@ fn ended(shared: &SessionShared, place: usize, tool: &ToolRecord) -> Option<&'st
     (is_old && lasts < tool.silence_s).then_some("was silent for too long")
 }
 
-fn publish(shared: &SessionShared, record: &SessionRecord) {
+fn publish(shared: &SessionShared, before: &SessionRecord, record: &SessionRecord) {
     let time_s = record.ticks as f64 * TICK.as_secs_f64();
     let single = |v: [f64; 3]| v.map(|x| x as f32);
     for (place, tool) in record.tools.iter().enumerate() {
         let Some(tool) = tool else { continue };
         let view = &tool.view;
+        let before = before.tools[place].filter(|before| before.lease == tool.lease);
         let sample = TelemetrySample {
             hand_force_n: single(view.hand_force_n),
             felt_force_n: single(view.felt_force_n),
@@ -387,6 +388,9 @@ fn publish(shared: &SessionShared, record: &SessionRecord) {
             energy_handle_j: view.energy_handle_j as f32,
             energy_tool_j: view.energy_tool_j as f32,
             rtt_s: tool.rtt_s.unwrap_or(0.0) as f32,
+            correction_step_n: corrected_since(before.as_ref(), tool) as f32,
+            correction_held_n: norm(view.corrections.held_n),
+            age_s: tool.silence_s as f32,
         };
         shared.publish(
             place,
@@ -395,6 +399,18 @@ fn publish(shared: &SessionShared, record: &SessionRecord) {
             sample,
         );
     }
+}
+
+fn norm([x, y, z]: [f32; 3]) -> f32 {
+    x.hypot(y).hypot(z)
+}
+
+/// How far corrections have moved the force on this hand since the record before, N.
+fn corrected_since(before: Option<&ToolRecord>, tool: &ToolRecord) -> f64 {
+    let moved_n = tool.view.corrections.moved_n;
+    let since_n = moved_n - before.map_or(0.0, |before| before.view.corrections.moved_n);
+    // A copy that was made anew counts from zero.
+    if since_n < 0.0 { moved_n } else { since_n }
 }
 
 fn tell_transitions(shared: &SessionShared, before: &SessionRecord, after: &SessionRecord) {

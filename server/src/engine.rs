@@ -183,6 +183,11 @@ pub(crate) enum Order {
         session: u32,
         lines: Lines,
     },
+    SetDeadband {
+        session: u32,
+        fraction: f64,
+        revision: u16,
+    },
     SetScheme {
         session: u32,
         scheme: Scheme,
@@ -408,6 +413,16 @@ impl Engine {
             } => {
                 let session = &mut self.find(session)?.session;
                 session.soften_or_harden(material, revision);
+                None
+            }
+            Order::SetDeadband {
+                session,
+                fraction,
+                revision,
+            } => {
+                let session = &mut self.find(session)?.session;
+                let set = session.set_deadband(fraction, revision);
+                debug_assert!(set.is_ok(), "what is ordered was validated: {set:?}");
                 None
             }
             Order::SetLines { session, lines } => {

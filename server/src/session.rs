@@ -6,7 +6,10 @@ use std::time::{Duration, Instant};
 
 use teleclay_clay::Clay;
 use teleclay_proto::SessionId;
-use teleclay_proto::http::{NewSession, Session, SessionState, ToolDescription, ToolState};
+use teleclay_proto::frame::Corrections;
+use teleclay_proto::http::{
+    ClayShape, CorrectionsState, NewSession, Session, SessionState, ToolDescription, ToolState,
+};
 use teleclay_proto::join::LoopParameters;
 use teleclay_proto::watch::{Level, TelemetrySample};
 use tokio::sync::broadcast;
@@ -49,6 +52,8 @@ pub struct Event {
 pub(crate) struct Mirror {
     /// The clay.
     pub(crate) clay: Clay,
+    /// What it was when it was fresh.
+    pub(crate) shape: ClayShape,
     /// Counts the fresh blocks.
     pub(crate) epoch: u32,
 }
@@ -85,6 +90,8 @@ pub(crate) struct SessionShared {
     pub(crate) settings: Mutex<Settings>,
     pub(crate) stats: Mutex<SessionStats>,
     pub(crate) mirror: Mutex<Mirror>,
+    /// Held by whoever changes the session: settings, mirror and loop change together, whoever else would like to.
+    pub(crate) changes: tokio::sync::Mutex<()>,
     /// Ticks at the last record; apart from the statistics, so that whoever holds those can tell the time.
     ticks: AtomicU64,
     telemetry: broadcast::Sender<Sample>,
@@ -94,6 +101,7 @@ pub(crate) struct SessionShared {
 impl SessionShared {
     pub(crate) fn new(number: u32, spec: NewSession, mirror: Clay) -> Self {
         let parameters = parameters(&spec);
+        let shape = spec.clay.shape.clone();
         let places = vec![None; usize::from(spec.tools)];
         Self {
             id: spec.id.clone(),
@@ -107,8 +115,10 @@ impl SessionShared {
             stats: Mutex::new(SessionStats::new()),
             mirror: Mutex::new(Mirror {
                 clay: mirror,
+                shape,
                 epoch: 1,
             }),
+            changes: tokio::sync::Mutex::default(),
             ticks: AtomicU64::new(0),
             telemetry: broadcast::channel(SAMPLES_KEPT).0,
             events: broadcast::channel(EVENTS_KEPT).0,
@@ -215,7 +225,6 @@ pub(crate) fn tool_id(place: usize) -> u32 {
 /// Where the handle's home maps to, and how far the tool may go: over the middle of a block with the tool just touching it; before the first step of a
 /// stepped block with the blade's leading face at x = 0.
 pub(crate) fn parameters(spec: &NewSession) -> LoopParameters {
-    use teleclay_proto::http::ClayShape;
     /// The tool may leave the block by this much on every side, m.
     const MARGIN_M: f64 = 0.1;
 
@@ -261,9 +270,21 @@ pub(crate) fn tools(settings: &Settings, stats: &SessionStats) -> Vec<ToolState>
             copy: view.copy,
             hidden_force_n: view.hidden_force_n,
             sweeps_refused: view.sweeps_refused,
+            corrections: corrections(&view.corrections),
         });
     }
     tools
+}
+
+fn corrections(told: &Corrections) -> CorrectionsState {
+    CorrectionsState {
+        count: told.count,
+        moved_n: told.moved_n,
+        held_n: told.held_n.map(f64::from),
+        largest_step_n: told.largest_step_n.into(),
+        injected_j: told.injected_j.into(),
+        tank_j: told.tank_j.into(),
+    }
 }
 
 pub(crate) fn session_state(settings: &Settings, stats: &SessionStats) -> SessionState {

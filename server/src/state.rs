@@ -2,29 +2,48 @@
 
 use std::sync::Mutex;
 
-use teleclay_proto::http::{ClayHash, ClayState, LoopState, Session};
+use teleclay_proto::http::{ClayHash, ClayShape, ClayState, LoopState, Session};
 
 use crate::collector::LoopStats;
 use crate::session::{SessionShared, session_state, tools};
+
+/// What the watchers' copy of the clay says at one moment.
+struct Mirrored {
+    hash: u64,
+    unit_volume_m3: f64,
+    shape: ClayShape,
+    epoch: u32,
+    initial_units: u64,
+    remaining_units: u64,
+}
 
 pub(crate) fn session(
     shared: &SessionShared,
     loop_stats: &Mutex<LoopStats>,
     scheduler: &str,
 ) -> Session {
-    let (hash, unit_volume_m3, epoch) = {
+    let mirrored = {
         let mut mirror = shared.mirror.lock().expect("no holder panics");
-        (
-            mirror.clay.hash(),
-            mirror.clay.unit_volume_m3(),
-            mirror.epoch,
-        )
+        Mirrored {
+            hash: mirror.clay.hash(),
+            unit_volume_m3: mirror.clay.unit_volume_m3(),
+            shape: mirror.shape.clone(),
+            epoch: mirror.epoch,
+            initial_units: mirror.clay.initial_units(),
+            remaining_units: mirror.clay.remaining_units(),
+        }
     };
     let settings = shared.settings().clone();
     let stats = shared.stats.lock().expect("no holder panics");
     let record = &stats.record;
+    // The watchers' clay is exchanged a moment before the loop's; until the loop has told of the fresh block, that is whole.
+    let (initial_units, remaining_units) = if record.clay_epoch == mirrored.epoch {
+        (record.initial_units, record.remaining_units)
+    } else {
+        (mirrored.initial_units, mirrored.remaining_units)
+    };
     let (initial_volume_m3, remaining_volume_m3, removed_volume_m3) =
-        volumes(record.initial_units, record.remaining_units, unit_volume_m3);
+        volumes(initial_units, remaining_units, mirrored.unit_volume_m3);
     let (packets_up_per_s, packets_down_per_s) = stats.packets_per_s();
     let arrivals = record.tools.iter().flatten().map(|tool| tool.arrivals);
     let (mut lost, mut duplicates, mut reordered) = (0, 0, 0);
@@ -59,13 +78,13 @@ pub(crate) fn session(
             initial_volume_m3,
             remaining_volume_m3,
             removed_volume_m3,
-            initial_units: record.initial_units,
-            remaining_units: record.remaining_units,
-            removed_units: record.initial_units - record.remaining_units,
-            unit_volume_m3,
-            hash: ClayHash(hash),
-            shape: settings.spec.clay.shape.clone(),
-            epoch,
+            initial_units,
+            remaining_units,
+            removed_units: initial_units - remaining_units,
+            unit_volume_m3: mirrored.unit_volume_m3,
+            hash: ClayHash(mirrored.hash),
+            shape: mirrored.shape,
+            epoch: mirrored.epoch,
         },
         tool: settings.spec.tool,
         deadband: settings.parameters.deadband,

@@ -27,6 +27,8 @@ pub struct Row {
     pub hand_force_n: [f64; 3],
     /// Force on the hand, N.
     pub felt_force_n: [f64; 3],
+    /// How far corrections of the copy have moved that force so far, N.
+    pub correction_moved_n: f64,
 }
 
 impl Row {
@@ -86,6 +88,7 @@ fn row(columns: &[&str], line: &str) -> Result<Row> {
         position_m: vector("position", "m")?,
         hand_force_n: vector("hand_force", "n")?,
         felt_force_n: vector("felt_force", "n")?,
+        correction_moved_n: number("correction_moved_n")?,
     })
 }
 

@@ -69,6 +69,14 @@ const toolState = v.object({
   copy: v.picklist(["none", "live", "stale", "diverged"]),
   hidden_force_n: vector,
   sweeps_refused: v.number(),
+  corrections: v.object({
+    count: v.number(),
+    moved_n: v.number(),
+    held_n: vector,
+    largest_step_n: v.number(),
+    injected_j: v.number(),
+    tank_j: v.number(),
+  }),
 });
 
 export const sessionSchema = v.object({
@@ -128,6 +136,7 @@ export const patchSchema = v.object({
   scheme: v.optional(scheme),
   material: v.optional(v.partial(material)),
   network: v.optional(v.partial(v.object({ up: impairmentPatch, down: impairmentPatch }))),
+  deadband: v.optional(v.number()),
   paused: v.optional(v.boolean()),
 });
 

@@ -2,7 +2,7 @@
 
 import { DecodeError, encodeHeader, expectKind, HEADER_BYTES, Kind } from "./header";
 
-/** Where each quantity starts within a sample of 24 values; vectors are x, y, z in the clay's axes. */
+/** Where each quantity starts within a sample of 27 values; vectors are x, y, z in the clay's axes. */
 export const Channel = {
   hand_force_n: 0,
   felt_force_n: 3,
@@ -14,8 +14,11 @@ export const Channel = {
   energy_handle_j: 21,
   energy_tool_j: 22,
   rtt_s: 23,
+  correction_step_n: 24,
+  correction_held_n: 25,
+  age_s: 26,
 } as const;
-export const CHANNELS = 24;
+export const CHANNELS = 27;
 
 const FIXED_BYTES = HEADER_BYTES + 24;
 const SAMPLE_BYTES = CHANNELS * 4;

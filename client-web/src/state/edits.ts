@@ -22,6 +22,7 @@ export interface Settings {
   "/network/down/delay_s": number;
   "/network/down/jitter_s": number;
   "/network/down/loss": number;
+  "/deadband": number;
 }
 export type Pointer = keyof Settings;
 export type NumberPointer = { [P in Pointer]: Settings[P] extends number ? P : never }[Pointer];
@@ -131,9 +132,11 @@ function entries(changes: Changes): [Pointer, Settings[Pointer]][] {
   return found;
 }
 
-const POINTERS: readonly Pointer[] = [
-  "/scheme", "/paused",
-  "/material/viscosity_pa_s_per_m", "/material/yield_stress_pa", "/material/stiffness_pa",
-  "/network/up/delay_s", "/network/up/jitter_s", "/network/up/loss",
-  "/network/down/delay_s", "/network/down/jitter_s", "/network/down/loss",
-];
+/** Every one of them, in the order in which they are sent. */
+const EVERY: Readonly<Record<Pointer, true>> = {
+  "/scheme": true, "/paused": true, "/deadband": true,
+  "/material/viscosity_pa_s_per_m": true, "/material/yield_stress_pa": true, "/material/stiffness_pa": true,
+  "/network/up/delay_s": true, "/network/up/jitter_s": true, "/network/up/loss": true,
+  "/network/down/delay_s": true, "/network/down/jitter_s": true, "/network/down/loss": true,
+};
+const POINTERS = Object.keys(EVERY).filter((name): name is Pointer => name in EVERY);

@@ -22,6 +22,7 @@ export function fakeSession(change: Partial<Session> = {}): Session {
     tools: [{
       id: 1, operator: "Ada", connected: true, position_m: [0, 0, 0], force_n: [0, 0, 0], handle_position_m: [0, 0, 0],
       felt_force_n: [0, 0, 0], hand_force_n: [0, 0, 0], home_m: [0, 0, 0], copy: "none", hidden_force_n: [0, 0, 0], sweeps_refused: 0,
+      corrections: { count: 0, moved_n: 0, held_n: [0, 0, 0], largest_step_n: 0, injected_j: 0, tank_j: 0 },
     }],
     position_ratio: 1,
     coordination_m: 0,

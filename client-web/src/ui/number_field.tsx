@@ -55,5 +55,6 @@ export function numberAt(session: Session | undefined, pointer: NumberPointer): 
     case "/network/down/delay_s": return down.delay_s;
     case "/network/down/jitter_s": return down.jitter_s;
     case "/network/down/loss": return down.loss;
+    case "/deadband": return session.deadband;
   }
 }

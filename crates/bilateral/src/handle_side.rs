@@ -22,7 +22,7 @@ use teleclay_link::scheme::{HandleEnd, HandlePort, handle_end};
 use teleclay_link::time::Timestamp;
 use teleclay_operator::DeviceSample;
 use teleclay_proto::frame::{
-    CopyState, Engagement, HandleFrame, Header, LoopStatus, Sweeps, ToolFrame,
+    CopyState, Corrections, Engagement, HandleFrame, Header, LoopStatus, Sweeps, ToolFrame,
 };
 use teleclay_proto::join::LoopParameters;
 use teleclay_proto::{Scheme, is_after};
@@ -171,6 +171,15 @@ impl HandleSide {
     /// The settings are none for this loop; nothing changes.
     pub fn code_perceptually(&mut self, settings: DeadbandSettings) -> Result<(), DeadbandError> {
         self.deadband = Some(Deadband::new(settings, self.model.watchdog.silence)?);
+        Ok(())
+    }
+
+    /// From now on leaves out the frames whose change is below this share of what is felt; 0 sends every one.
+    ///
+    /// # Errors
+    /// There is no such share; nothing changes.
+    pub fn set_deadband(&mut self, fraction: f64) -> Result<(), DeadbandError> {
+        self.deadband = self.model.deadband(fraction)?;
         Ok(())
     }
 
@@ -462,6 +471,7 @@ impl HandleSide {
         self.frame.wave_integral = [0.0; 3];
         self.frame.energy_in_j = [0.0; 3];
         self.frame.copy = CopyState::None;
+        self.frame.corrections = Corrections::default();
         self.frame.clay_hash = 0;
         self.frame.relayed_acknowledged = 0;
         self.frame.sweeps = Sweeps::default();

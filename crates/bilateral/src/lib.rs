@@ -17,9 +17,11 @@ mod parameters;
 pub mod rig;
 mod session;
 mod tool_side;
+mod tool_view;
 pub mod wall;
 
 pub use handle_side::{Contact, HandleSide, HandleStep, Retired};
 pub use parameters::{LoopModel, ParameterError, clay_shape, material, tool_shape, workplace};
 pub use session::{FreshBlock, Lines, SessionLoop};
-pub use tool_side::{Permission, ToolSide, ToolStep, ToolView};
+pub use tool_side::{Permission, ToolSide, ToolStep};
+pub use tool_view::ToolView;

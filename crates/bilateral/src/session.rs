@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use teleclay_clay::{Clay, Material};
 use teleclay_link::conditioner::{Conditioner, Impairment};
+use teleclay_link::deadband::DeadbandError;
 use teleclay_link::replica::{Cut, Workplace};
 use teleclay_link::safety::NotFinite;
 use teleclay_link::scheme::replica::Turn;
@@ -202,6 +203,21 @@ impl SessionLoop {
         for side in self.sides_mut() {
             side.set_revision(revision);
         }
+    }
+
+    /// Leaves out frames whose change is below this share of what is felt, from `revision` of the parameters on; 0 sends every one.
+    ///
+    /// # Errors
+    /// There is no such share; then no tool has it.
+    pub fn set_deadband(&mut self, fraction: f64, revision: u16) -> Result<(), DeadbandError> {
+        for side in self.sides_mut() {
+            side.set_deadband(fraction)?;
+        }
+        self.turn.since_revision = revision;
+        for side in self.sides_mut() {
+            side.set_revision(revision);
+        }
+        Ok(())
     }
 
     fn sides_mut(&mut self) -> impl Iterator<Item = &mut ToolSide> {

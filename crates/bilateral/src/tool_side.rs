@@ -23,10 +23,11 @@ use teleclay_link::scheme::{ToolEnd, ToolPort, tool_end};
 use teleclay_link::time::Timestamp;
 use teleclay_link::travel::{Travel, Wish};
 use teleclay_proto::Scheme;
-use teleclay_proto::frame::{CopyState, Engagement, HandleFrame, Header, LoopStatus, ToolFrame};
+use teleclay_proto::frame::{Engagement, HandleFrame, Header, LoopStatus, ToolFrame};
 use teleclay_proto::join::LoopParameters;
 
 use crate::parameters::{LoopModel, ParameterError};
+use crate::tool_view::{Seen, ToolView};
 
 /// Cuts that one tick can make: its own or, where sweeps are merged, as many as a tick may merge.
 pub(crate) const CUTS_A_TICK: usize = 64;
@@ -49,35 +50,6 @@ pub struct ToolStep {
     pub removed_units: u64,
     /// Engaged area, m².
     pub engaged_area_m2: f64,
-}
-
-/// What a watcher may want to know of a tool; all at the last step.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct ToolView {
-    /// Tool in the clay frame, m.
-    pub position_m: [f64; 3],
-    /// Its velocity, m/s.
-    pub velocity_m_s: [f64; 3],
-    /// Force of the clay on it, N.
-    pub force_n: [f64; 3],
-    /// Handle as last received: displacement from home, m.
-    pub handle_position_m: [f64; 3],
-    /// Handle's velocity as last received, m/s.
-    pub handle_velocity_m_s: [f64; 3],
-    /// Hand's force as last received, N.
-    pub hand_force_n: [f64; 3],
-    /// Force felt by the hand as last received, N.
-    pub felt_force_n: [f64; 3],
-    /// Energy that the hand put into the channel, from the frames received, J.
-    pub energy_handle_j: f64,
-    /// Energy that the tool put into the clay, J.
-    pub energy_tool_j: f64,
-    /// Felt force less what the hand would feel of this clay's answer to the same motion, N: what a copy hid. Zero in schemes without one.
-    pub hidden_force_n: [f64; 3],
-    /// What the handle's copy of the clay is good for, as last received.
-    pub copy: CopyState,
-    /// Sweeps refused since joining.
-    pub sweeps_refused: u32,
 }
 
 /// The tool side of one tool's loop.
@@ -106,9 +78,7 @@ pub struct ToolSide {
     engaged: bool,
     left: bool,
     fault: Option<NotFinite>,
-    /// When the newest frame was sent, on the handle's clock, ns; 0 before the first.
-    handle_sent_ns: u64,
-    view: ToolView,
+    seen: Seen,
     frame: ToolFrame,
     deadband: Option<Deadband>,
     /// Status, scheme and revision as last sent.
@@ -157,8 +127,7 @@ impl ToolSide {
             engaged: false,
             left: false,
             fault: None,
-            handle_sent_ns: 0,
-            view: ToolView::default(),
+            seen: Seen::at_rest(model.workplace().home),
             frame: ToolFrame {
                 header,
                 ..ToolFrame::default()
@@ -168,7 +137,7 @@ impl ToolSide {
             is_due: false,
             model,
         };
-        side.view.position_m = side.model.workplace().home.into();
+        side.expect_gaps();
         Ok(side)
     }
 
@@ -178,7 +147,23 @@ impl ToolSide {
     /// The settings are none for this loop; nothing changes.
     pub fn code_perceptually(&mut self, settings: DeadbandSettings) -> Result<(), DeadbandError> {
         self.deadband = Some(Deadband::new(settings, self.model.watchdog.silence)?);
+        self.expect_gaps();
         Ok(())
+    }
+
+    /// From now on leaves out the frames whose change is below this share of what is felt, and takes it that the handle does so too; 0 sends every one.
+    ///
+    /// # Errors
+    /// There is no such share; nothing changes.
+    pub fn set_deadband(&mut self, fraction: f64) -> Result<(), DeadbandError> {
+        self.deadband = self.model.deadband(fraction)?;
+        self.expect_gaps();
+        Ok(())
+    }
+
+    fn expect_gaps(&mut self) {
+        let longest = self.deadband.as_ref().map(Deadband::heartbeat);
+        self.end.expect_gaps(longest);
     }
 
     /// A frame came from the handle side. Frames under another lease are not ours; older ones are counted, and shown to a scheme that
@@ -189,6 +174,13 @@ impl ToolSide {
             return;
         }
         let arrival = self.arrivals.on_sequence(header.sequence);
+        let corrections = &frame.corrections;
+        let scalars = [
+            corrections.moved_n,
+            corrections.largest_step_n.into(),
+            corrections.injected_j.into(),
+            corrections.tank_j.into(),
+        ];
         let outside = [
             ("position_m", &frame.position_m[..]),
             ("velocity_m_s", &frame.velocity_m_s),
@@ -197,6 +189,8 @@ impl ToolSide {
             ("wave", &frame.wave),
             ("wave_integral", &frame.wave_integral),
             ("energy_in_j", &frame.energy_in_j),
+            ("corrections.held_n", &corrections.held_n.map(f64::from)),
+            ("corrections", &scalars),
         ];
         if let Err(fault) = check(&outside) {
             self.fault = Some(fault);
@@ -210,7 +204,9 @@ impl ToolSide {
             .on_frame(now, header.sent_ns, header.echo_ns, header.echo_hold_ns);
         self.watchdog.on_frame(now);
         self.left = frame.engagement == Engagement::Leaving;
-        self.view_handle(frame);
+        self.seen
+            .on_frame(frame, self.model.watchdog.silence.as_secs_f64());
+        self.lift = frame.position_m[2];
         if !self.engaged {
             self.engaged = true;
             // The handle's own force ramps up from zero at the start, so nothing here needs to.
@@ -255,7 +251,12 @@ impl ToolSide {
                 step
             }
         };
-        self.view_tool(tick_s);
+        self.seen.on_step(
+            self.model.workplace().home + self.position,
+            self.velocity,
+            self.clay_force,
+            tick_s,
+        );
         self.fill_frame(now, status, step);
         step
     }
@@ -287,12 +288,12 @@ impl ToolSide {
 
     /// The tool and the handle as seen from here.
     pub fn view(&self) -> &ToolView {
-        &self.view
+        self.seen.view()
     }
 
     /// Puts the tool where the handle is, at rest, without cutting on the way; for a fresh block, and for the first frame.
     pub fn reindex(&mut self) {
-        let handle = Vec3::from(self.view.handle_position_m);
+        let handle = self.seen.handle_position();
         self.end.reindex(handle);
         let place = self
             .travel
@@ -315,8 +316,9 @@ impl ToolSide {
         }
         self.stop_being_led();
         let mut end = tool_end(scheme, &self.model.ground, turn);
-        end.reindex(Vec3::from(self.view.handle_position_m));
+        end.reindex(self.seen.handle_position());
         self.end = end;
+        self.expect_gaps();
         self.scheme = scheme;
         self.travel.forget_reference();
         let header = self.frame.header;
@@ -402,7 +404,7 @@ impl ToolSide {
 
     /// Distance between the tool and the image of the handle as last received, over the axes that reflect force, m.
     pub fn coordination_m(&self) -> f64 {
-        self.distance_from_m(self.view.handle_position_m)
+        self.distance_from_m(self.seen.view().handle_position_m)
     }
 
     /// Distance between the tool and the image of a handle position, over the axes that reflect force, m.
@@ -462,7 +464,7 @@ impl ToolSide {
                 .model
                 .coupling()
                 .felt(self.model.reflected(merged.force));
-            self.view.hidden_force_n = (Vec3::from(self.view.felt_force_n) - felt).into();
+            self.seen.answers(felt);
         }
         ToolStep {
             removed_units: merged.removed_units,
@@ -480,8 +482,8 @@ impl ToolSide {
         self.velocity = Vec3::zeros();
         self.inverse = [State::default(); 3];
         self.plant = [State::default(); 3];
-        self.view.hidden_force_n = [0.0; 3];
-        self.end.reindex(Vec3::from(self.view.handle_position_m));
+        self.seen.hides_nothing();
+        self.end.reindex(self.seen.handle_position());
     }
 
     /// Drives the tool's plant to `wanted` by way of its inverse: [KHMH03] (31)–(32) end here.
@@ -531,35 +533,6 @@ impl ToolSide {
         }
     }
 
-    fn view_handle(&mut self, frame: &HandleFrame) {
-        let felt = Vec3::from(frame.felt_force_n);
-        let velocity = Vec3::from(frame.velocity_m_s);
-        let view = &mut self.view;
-        // Frames that were lost or left out stand for the time until the next that came: half of it went by as the one before says, half as this one.
-        let power_w = -felt.dot(&velocity);
-        let before_w = -Vec3::from(view.felt_force_n).dot(&Vec3::from(view.handle_velocity_m_s));
-        let passed_ns = frame.header.sent_ns.saturating_sub(self.handle_sent_ns);
-        let longest_s = self.model.watchdog.silence.as_secs_f64();
-        let passed_s = (passed_ns as f64 * 1e-9).min(longest_s);
-        if 0 < self.handle_sent_ns {
-            view.energy_handle_j += 0.5 * (power_w + before_w) * passed_s;
-        }
-        self.handle_sent_ns = frame.header.sent_ns;
-        view.handle_position_m = frame.position_m;
-        view.handle_velocity_m_s = frame.velocity_m_s;
-        view.hand_force_n = frame.hand_force_n;
-        view.felt_force_n = frame.felt_force_n;
-        view.copy = frame.copy;
-        self.lift = frame.position_m[2];
-    }
-
-    fn view_tool(&mut self, tick_s: f64) {
-        self.view.position_m = (self.model.workplace().home + self.position).into();
-        self.view.velocity_m_s = self.velocity.into();
-        self.view.force_n = self.clay_force.into();
-        self.view.energy_tool_j -= self.clay_force.dot(&self.velocity) * tick_s;
-    }
-
     fn status(&self, permission: Permission) -> LoopStatus {
         match permission {
             _ if self.fault.is_some() => LoopStatus::Fault,
@@ -583,12 +556,12 @@ impl ToolSide {
         } else {
             status
         };
-        self.frame.position_m = self.view.position_m;
-        self.frame.velocity_m_s = self.view.velocity_m_s;
-        self.frame.force_n = self.view.force_n;
+        self.frame.position_m = self.seen.view().position_m;
+        self.frame.velocity_m_s = self.seen.view().velocity_m_s;
+        self.frame.force_n = self.seen.view().force_n;
         self.frame.engaged_area_m2 = step.engaged_area_m2;
         self.end.fill(&mut self.frame);
-        self.view.sweeps_refused = self.frame.sweeps_refused;
+        self.seen.refused(self.frame.sweeps_refused);
         self.number_frame(now);
     }
 

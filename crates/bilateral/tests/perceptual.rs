@@ -51,12 +51,7 @@ fn saved(rig: &Rig, ticks: u64) -> f64 {
 
 #[test]
 fn four_frames_in_five_are_left_out_in_air_and_in_steady_cutting() {
-    for scheme in [
-        Scheme::ForceExchange,
-        Scheme::Wave,
-        Scheme::Tdpa,
-        Scheme::Replica,
-    ] {
+    for &scheme in Scheme::ALL {
         let tasks = [
             (
                 "air",
@@ -173,12 +168,7 @@ fn the_force_is_off_by_less_than_the_band() {
 /// In steady cutting, when the start is over: with and without the deadband the hand feels the same to 7 %.
 #[test]
 fn steady_cutting_feels_the_same() {
-    for scheme in [
-        Scheme::ForceExchange,
-        Scheme::Wave,
-        Scheme::Tdpa,
-        Scheme::Replica,
-    ] {
+    for &scheme in Scheme::ALL {
         let rig = || {
             embedded(
                 running(scheme),
@@ -211,18 +201,112 @@ fn steady_cutting_feels_the_same() {
     }
 }
 
+/// A hand that swings: its frames come in steps, and the tool still goes smoothly, at the hand's speed to the band and where the hand is.
 #[test]
-fn position_force_keeps_sending_every_position() {
-    let mut rig = sparing(embedded(
+fn position_force_bridges_what_is_left_out_without_a_blow() {
+    let swing = Intent::sinusoid([1.5, 0.0, 0.0], 1.0).unwrap();
+    // It takes over from another scheme, which bridges nothing.
+    let rig = || {
+        let lines = both_ways(line(0, 0.0, 0.0), 1);
+        let clay = viscous(CLAY_PA_S_PER_M);
+        embedded(running(Scheme::Tdpa), swing.clone(), clay, lines)
+    };
+    let (mut whole, mut sparse) = (rig(), sparing(rig()));
+    for rig in [&mut whole, &mut sparse] {
+        rig.change_scheme(Scheme::PositionForce);
+    }
+    let (mut fastest, mut roughest) = (0.0_f64, [0.0_f64; 2]);
+    let (mut before, mut furthest_m) = ([Vec3::zeros(); 2], 0.0_f64);
+    for _ in 0..5000 {
+        for (side, rig) in [&mut whole, &mut sparse].into_iter().enumerate() {
+            rig.tick();
+            let velocity = Vec3::from(rig.tool().view().velocity_m_s);
+            let jerk = (velocity - std::mem::replace(&mut before[side], velocity)).norm();
+            roughest[side] = roughest[side].max(jerk);
+            fastest = fastest.max(velocity.norm());
+        }
+        let handle_m = sparse.device().sample().position_m;
+        furthest_m = furthest_m.max(sparse.tool().distance_from_m(handle_m));
+    }
+    println!("{fastest:.4} m/s, steps of {roughest:.5?} m/s, {furthest_m:.6} m apart");
+    assert!(0.02 < fastest, "hardly moved");
+    // The band once for the speed told, once for what is made up for.
+    assert!(roughest[1] <= roughest[0] + 2.0 * 0.07 * fastest, "a blow");
+    let gap_s = DeadbandSettings::default().heartbeat.as_secs_f64();
+    assert!(
+        furthest_m < 0.07 * fastest * gap_s + 1e-3 * fastest + 2e-5,
+        "{furthest_m} m"
+    );
+}
+
+/// A fresh block is no news of the hand: the tool is where the hand is, at once and not over the next gap.
+#[test]
+fn position_force_begins_at_the_hand_on_a_fresh_block_with_frames_left_out() {
+    let mut rig = sparing(carving(
         running(Scheme::PositionForce),
-        stroke(),
-        viscous(5e4),
-        both_ways(line(2, 0.0, 0.0), 1),
+        in_air(),
+        Material::default(),
+        both_ways(line(0, 0.0, 0.0), 1),
     ));
-    rig.run_for(Duration::from_secs(3));
-    let [up, down] = rig.frames_sent();
-    assert_eq!(up, 3000);
-    assert!(down < 600, "{down}");
+    rig.run_for(Duration::from_millis(900));
+    // The line dies, and before that is noticed the block is exchanged: the tool waits there, it does not go on.
+    rig.impair(both_ways(line(0, 0.0, 1.0), 1));
+    rig.run_for(Duration::from_millis(10));
+    let known_m = rig.tool().view().handle_position_m;
+    rig.fresh_block();
+    rig.run_for(Duration::from_millis(30));
+    let apart_m = rig.tool().distance_from_m(known_m);
+    assert!(apart_m < 1e-9, "{apart_m} m apart");
+}
+
+/// A frame that says that the hand has stopped is lost like any other: the tool goes on by two gaps at most, and comes back to the hand.
+#[test]
+fn position_force_overruns_a_lost_stop_by_little_and_comes_back() {
+    for seed in 0..20 {
+        let mut rig = sparing(carving(
+            running(Scheme::PositionForce),
+            in_air(),
+            Material::default(),
+            both_ways(line(0, 0.0, 0.3), seed),
+        ));
+        rig.run_for(Duration::from_millis(900));
+        let speed = norm(rig.device().sample().velocity_m_s);
+        rig.hold_handles_fast();
+        let mut furthest_m = 0.0_f64;
+        for _ in 0..500 {
+            rig.tick();
+            let handle_m = rig.device().sample().position_m;
+            furthest_m = furthest_m.max(rig.tool().distance_from_m(handle_m));
+        }
+        let left_m = rig.tool().distance_from_m(rig.device().sample().position_m);
+        println!("{speed:.3} m/s, {furthest_m:.6} m, {left_m:.8} m");
+        assert!(0.05 < speed, "hardly moved");
+        assert!(furthest_m < 2.5 * 0.020 * speed, "{furthest_m} m");
+        assert!(left_m < 1e-6, "{left_m} m");
+    }
+}
+
+/// Where nothing comes at all, a tool that bridges gaps comes to rest after two of them, long before the silence is one.
+#[test]
+fn position_force_does_not_run_away_on_a_dead_line() {
+    let mut rig = sparing(carving(
+        running(Scheme::PositionForce),
+        in_air(),
+        Material::default(),
+        both_ways(line(0, 0.0, 0.0), 1),
+    ));
+    rig.run_for(Duration::from_millis(900));
+    let [speed, at_m] = [
+        norm(rig.device().sample().velocity_m_s),
+        rig.tool().view().position_m[0],
+    ];
+    rig.impair(both_ways(line(0, 0.0, 1.0), 1));
+    rig.run_for(Duration::from_millis(75));
+    let way_m = (rig.tool().view().position_m[0] - at_m).abs();
+    println!("{:.3} mm at {speed:.3} m/s", 1e3 * way_m);
+    assert_eq!(rig.last().contact, Contact::Live, "no silence yet");
+    let gap_s = DeadbandSettings::default().heartbeat.as_secs_f64();
+    assert!((gap_s * speed..2.1 * gap_s * speed).contains(&way_m));
 }
 
 #[test]

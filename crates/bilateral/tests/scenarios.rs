@@ -4,10 +4,12 @@
 use std::time::Duration;
 
 use teleclay_bilateral::rig::{Rig, Setup};
-use teleclay_bilateral::{Contact, Lines};
+use teleclay_bilateral::{Contact, Lines, ToolSide};
 use teleclay_clay::{Clay, Shape, SteppedBlock};
 use teleclay_link::conditioner::{Bursts, Impairment, JitterDistribution, Outages};
+use teleclay_link::time::Timestamp;
 use teleclay_operator::{Intent, Reach};
+use teleclay_proto::frame::HandleFrame;
 use teleclay_proto::join::LoopParameters;
 use teleclay_proto::{Axes, Scheme, ToolDescription};
 
@@ -300,6 +302,45 @@ fn a_value_that_is_no_number_ends_in_fault_with_its_name_and_no_force() {
         removed + slack,
         "a faulty session went on cutting"
     );
+}
+
+#[test]
+fn no_number_of_a_handle_frame_escapes_the_check() {
+    type Spoil = fn(&mut HandleFrame);
+    let spoilers: [(&str, Spoil); 12] = [
+        ("position_m", |frame| frame.position_m[2] = f64::NAN),
+        ("velocity_m_s", |frame| {
+            frame.velocity_m_s[0] = f64::INFINITY
+        }),
+        ("hand_force_n", |frame| frame.hand_force_n[1] = f64::NAN),
+        ("felt_force_n", |frame| frame.felt_force_n[2] = f64::NAN),
+        ("wave", |frame| frame.wave[0] = f64::NEG_INFINITY),
+        ("wave_integral", |frame| frame.wave_integral[1] = f64::NAN),
+        ("energy_in_j", |frame| frame.energy_in_j[2] = f64::NAN),
+        ("corrections.held_n", |frame| {
+            frame.corrections.held_n[0] = f32::NAN
+        }),
+        ("corrections", |frame| frame.corrections.moved_n = f64::NAN),
+        ("corrections", |frame| {
+            frame.corrections.largest_step_n = f32::INFINITY
+        }),
+        ("corrections", |frame| {
+            frame.corrections.injected_j = f32::NAN
+        }),
+        ("corrections", |frame| frame.corrections.tank_j = f32::NAN),
+    ];
+    for (field, spoil) in spoilers {
+        let mut side = ToolSide::new(&LoopParameters::default(), 7).unwrap();
+        let mut frame = HandleFrame::default();
+        frame.header.lease = 7;
+        frame.header.sequence = 1;
+        side.on_frame(Timestamp::from_nanos(1_000_000), &frame);
+        assert_eq!(side.fault(), None);
+        frame.header.sequence = 2;
+        spoil(&mut frame);
+        side.on_frame(Timestamp::from_nanos(2_000_000), &frame);
+        assert_eq!(side.fault().map(|fault| fault.field), Some(field));
+    }
 }
 
 #[test]

@@ -160,6 +160,11 @@ impl Deadband {
         !stays
     }
 
+    /// The longest that frames are left out.
+    pub fn heartbeat(&self) -> Duration {
+        self.settings.heartbeat
+    }
+
     /// Forgets what was sent: the next frame goes out whatever it says.
     pub fn insist(&mut self) {
         self.sent = None;

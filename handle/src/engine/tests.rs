@@ -535,7 +535,11 @@ fn a_new_revision_is_wished_for_and_what_it_replaces_is_dropped_elsewhere() {
             bench
                 .ends
                 .orders
-                .push(Order::Move { lease, workplace })
+                .push(Order::Move {
+                    lease,
+                    workplace,
+                    deadband: 0.07
+                })
                 .is_ok()
         );
     }

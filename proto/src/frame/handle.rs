@@ -3,13 +3,14 @@
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-use super::{Header, KIND_HANDLE, MAX_FRAME, Sweeps, header, sweeps};
+use super::{Corrections, Header, KIND_HANDLE, MAX_FRAME, Sweeps, corrections, header, sweeps};
 use crate::FrameError;
 use crate::bytes::{Reader, Writer};
 use crate::word::words;
 
 /// Bytes before the first sweep.
-pub(super) const FIXED: usize = header::LENGTH + 7 * 24 + 8 + 8 + sweeps::HEAD;
+pub(super) const FIXED: usize =
+    header::LENGTH + 7 * 24 + 8 + 8 + corrections::LENGTH + sweeps::HEAD;
 
 words! {
     /// What the handle's copy of the clay is good for.
@@ -42,7 +43,7 @@ words! {
     }
 }
 
-/// The frame from the handle to the tool side, one each tick. `232 + 28 n` bytes with `n` sweeps.
+/// The frame from the handle to the tool side, one each tick. `268 + 28 n` bytes with `n` sweeps.
 ///
 /// ```text
 ///   0        40           64             88              112             136    160             184
@@ -50,11 +51,16 @@ words! {
 ///   | header | position_m | velocity_m_s | hand_force_n  | felt_force_n  | wave | wave_integral | energy_in_j |
 ///   |        | f64x3      | f64x3        | f64x3         | f64x3         | f64x3| f64x3         | f64x3       |
 ///   +--------+------------+--------------+---------------+---------------+------+---------------+-------------+
-///   208         216                   220    221    224                     228     229    232
-///   +-----------+---------------------+------+------+-----------------------+-------+------+------------------+
-///   | clay_hash | relayed_acknowledged| copy | zero | oldest_unacknowledged | count | zero | count x 28 bytes |
-///   |    u64    |         u32         |  u8  | u8x3 |          u32          |  u8   | u8x3 | sweeps           |
-///   +-----------+---------------------+------+------+-----------------------+-------+------+------------------+
+///   208         216                   220    221    224           260
+///   +-----------+---------------------+------+------+-------------+
+///   | clay_hash | relayed_acknowledged| copy | zero | 36 bytes of |
+///   |    u64    |         u32         |  u8  | u8x3 | corrections |
+///   +-----------+---------------------+------+------+-------------+
+///   260                     264     265    268
+///   +-----------------------+-------+------+------------------+
+///   | oldest_unacknowledged | count | zero | count x 28 bytes |
+///   |          u32          |  u8   | u8x3 | sweeps           |
+///   +-----------------------+-------+------+------------------+
 /// ```
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct HandleFrame {
@@ -82,6 +88,8 @@ pub struct HandleFrame {
     pub relayed_acknowledged: u32,
     /// What the handle's copy of the clay is good for.
     pub copy: CopyState,
+    /// What corrections of the copy have done to the hand.
+    pub corrections: Corrections,
     /// Cuts that the server has not acknowledged.
     pub sweeps: Sweeps,
 }
@@ -108,6 +116,7 @@ impl HandleFrame {
         writer.put(self.clay_hash.to_le_bytes());
         writer.put(self.relayed_acknowledged.to_le_bytes());
         writer.put([self.copy.byte(), 0, 0, 0]);
+        self.corrections.write(&mut writer);
         self.sweeps.write(&mut writer);
         writer.finish()
     }
@@ -132,6 +141,7 @@ impl HandleFrame {
             clay_hash: reader.u64()?,
             relayed_acknowledged: reader.u32()?,
             copy: copy_state(&mut reader)?,
+            corrections: Corrections::read(&mut reader)?,
             sweeps: Sweeps::read(&mut reader)?,
         };
         reader.finish()?;

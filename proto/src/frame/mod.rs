@@ -1,6 +1,6 @@
 //! The frames of the control loop: one [`HandleFrame`] up and one [`ToolFrame`] down every tick.
 //!
-//! Every frame starts with the same 40 bytes; numbers are little-endian, offsets are fixed and floats are aligned to 8:
+//! Every frame starts with the same 40 bytes; numbers are little-endian, offsets are fixed and floats are aligned to their size:
 //!
 //! ```text
 //!  0      2       3      4       8          12              16        24        32           36         38       39
@@ -12,11 +12,13 @@
 //!
 //! `state` is the [`Engagement`] in a handle frame and the [`LoopStatus`] in a tool frame.
 
+mod corrections;
 mod handle;
 mod header;
 mod sweeps;
 mod tool;
 
+pub use corrections::Corrections;
 pub use handle::{CopyState, Engagement, HandleFrame};
 pub use header::Header;
 pub use sweeps::{MAX_SWEEPS, POSITION_UNIT_M, SweepRecord, Sweeps, SweepsFull};

@@ -23,8 +23,8 @@ pub use network::{Burst, Impairment, JitterDistribution, Network, Outage};
 pub use patch::{ImpairmentPatch, MaterialPatch, NetworkPatch, SessionPatch};
 pub use problem::Problem;
 pub use session::{
-    ClayState, LoopState, MAX_TOOLS, NewSession, Quantiles, Session, SessionState, TickQuantiles,
-    ToolState,
+    ClayState, CorrectionsState, LoopState, MAX_TOOLS, NewSession, Quantiles, Session,
+    SessionState, TickQuantiles, ToolState,
 };
 pub use validate::{FieldError, Validate, readable};
 

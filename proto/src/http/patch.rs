@@ -4,7 +4,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 use utoipa::ToSchema;
 
 use super::network::{Burst, Impairment, JitterDistribution, Network, Outage};
-use super::{FieldError, Material, Scheme, Validate};
+use super::{FieldError, Material, Scheme, Validate, check};
 
 /// Body of `PATCH /sessions/{id}`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
@@ -34,6 +34,14 @@ pub struct SessionPatch {
         deserialize_with = "present"
     )]
     pub network: Option<NetworkPatch>,
+    /// Share of a force or velocity below which its change is not sent; 0 sends every frame.
+    #[schema(nullable = false, minimum = 0, maximum = 0.5)]
+    #[serde(
+        default,
+        skip_serializing_if = "Option::is_none",
+        deserialize_with = "present"
+    )]
+    pub deadband: Option<f64>,
     /// Whether the tool is to rest.
     #[schema(nullable = false)]
     #[serde(
@@ -258,6 +266,9 @@ impl From<Impairment> for ImpairmentPatch {
 impl Validate for SessionPatch {
     fn validate(&self) -> Result<(), FieldError> {
         self.material.validate_under("/material")?;
+        if let Some(deadband) = self.deadband {
+            check("/deadband", deadband, 0.0..=crate::join::MAX_DEADBAND)?;
+        }
         self.network.validate_under("/network")
     }
 }

@@ -191,6 +191,26 @@ pub struct ToolState {
     pub hidden_force_n: [f64; 3],
     /// Cuts of this operator that the server did not take, since joining.
     pub sweeps_refused: u32,
+    /// What corrections of the copy have done to the hand.
+    pub corrections: CorrectionsState,
+}
+
+/// What corrections of a handle's copy of the clay have done to the hand, since the copy was made; zeros without one.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CorrectionsState {
+    /// Corrections that changed the force on the tool.
+    pub count: u32,
+    /// How far they have moved the felt force, tick by tick and all told, N.
+    pub moved_n: f64,
+    /// Felt force less the force that the corrected copy gives, N: what is still to be let in.
+    pub held_n: [f64; 3],
+    /// Largest change of the felt force in one tick on account of corrections, N.
+    pub largest_step_n: f64,
+    /// Energy that corrections have brought into the hand, J.
+    pub injected_j: f64,
+    /// Energy that they may bring into it yet, J.
+    pub tank_j: f64,
 }
 
 /// How the loop and its link do.

@@ -7,13 +7,16 @@ use crate::bytes::Reader;
 /// Bytes before the first sample.
 const FIXED: usize = PREFIX + 24;
 
+/// Numbers of one sample.
+const VALUES: usize = 27;
+
 /// Bytes of one sample.
-const SAMPLE: usize = 24 * 4;
+const SAMPLE: usize = VALUES * 4;
 
 /// Most samples of one batch, so that it keeps within [`MAX_MESSAGE`].
 pub const MAX_SAMPLES: usize = (MAX_MESSAGE - FIXED) / SAMPLE;
 
-/// One moment of the loop, as the tool side knows it. 24 `f32` in the order of the fields, 96 bytes.
+/// One moment of the loop, as the tool side knows it. 27 `f32` in the order of the fields, 108 bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TelemetrySample {
     /// Force of the hand on the handle, N.
@@ -36,6 +39,12 @@ pub struct TelemetrySample {
     pub energy_tool_j: f32,
     /// Round trip, s.
     pub rtt_s: f32,
+    /// How far corrections of the handle's copy of the clay have moved the felt force since the sample before, N.
+    pub correction_step_n: f32,
+    /// Magnitude of the felt force less the force that the corrected copy gives, N: what is still to be let in.
+    pub correction_held_n: f32,
+    /// Time since the newest frame from the handle came, s.
+    pub age_s: f32,
 }
 
 /// What a batch says about its samples. They are evenly spaced and without gap: a gap ends a batch.
@@ -65,10 +74,10 @@ pub struct TooManySamples {
 ///
 /// ```text
 ///  0        8      12             16          20        24             32
-///  +--------+------+--------------+-----------+---------+--------------+-------------------------+
-///  | prefix | tool | sample_count | period_us | dropped | first_time_s | sample_count x 96 bytes |
-///  |        | u32  |     u32      |    u32    |   u32   |     f64      | samples                 |
-///  +--------+------+--------------+-----------+---------+--------------+-------------------------+
+///  +--------+------+--------------+-----------+---------+--------------+--------------------------+
+///  | prefix | tool | sample_count | period_us | dropped | first_time_s | sample_count x 108 bytes |
+///  |        | u32  |     u32      |    u32    |   u32   |     f64      | samples                  |
+///  +--------+------+--------------+-----------+---------+--------------+--------------------------+
 /// ```
 #[derive(Clone, Copy, Debug)]
 pub struct TelemetryView<'a> {
@@ -168,7 +177,7 @@ impl<'a> TelemetryView<'a> {
 }
 
 impl TelemetrySample {
-    fn values(&self) -> [f32; 24] {
+    fn values(&self) -> [f32; VALUES] {
         let vectors = [
             self.hand_force_n,
             self.felt_force_n,
@@ -178,9 +187,10 @@ impl TelemetrySample {
             self.handle_velocity_m_s,
             self.tool_velocity_m_s,
         ];
-        let mut values = [0.0; 24];
+        let mut values = [0.0; VALUES];
         values[..21].copy_from_slice(vectors.as_flattened());
-        values[21..].copy_from_slice(&[self.energy_handle_j, self.energy_tool_j, self.rtt_s]);
+        values[21..24].copy_from_slice(&[self.energy_handle_j, self.energy_tool_j, self.rtt_s]);
+        values[24..].copy_from_slice(&[self.correction_step_n, self.correction_held_n, self.age_s]);
         values
     }
 
@@ -199,6 +209,9 @@ impl TelemetrySample {
             energy_handle_j: value(21),
             energy_tool_j: value(22),
             rtt_s: value(23),
+            correction_step_n: value(24),
+            correction_held_n: value(25),
+            age_s: value(26),
         }
     }
 }

@@ -1,11 +1,11 @@
-//! The clay as a file.
+//! The clay as a file, and as the session tells of it.
 
 use std::collections::HashMap;
 use std::io::{Read as _, Write as _};
 use std::net::TcpStream;
 
 use serde_json::json;
-use teleclay_proto::http::Session;
+use teleclay_proto::http::{ClayShape, ClayState, Session};
 
 use crate::rig::{eventually, shared};
 use crate::wire::Site;
@@ -118,5 +118,48 @@ fn only_so_many_models_are_on_their_way_at_once() {
     eventually("a place is free again", || {
         begin(&site, &path_of_model).1 == "HTTP/1.1 200"
     });
+    site.delete(&path);
+}
+
+/// Two people put fresh blocks of different sizes, over and over, while a third looks: every answer tells of one block, whole, and whoever put one is
+/// answered with that one.
+#[test]
+fn fresh_blocks_that_are_put_at_once_are_never_mixed_up() {
+    const BLOCKS: u32 = 20;
+    let rig = shared();
+    let site = rig.site();
+    let id = rig.session(&site);
+    let path = format!("/api/v1/sessions/{id}");
+    let volume_of = |clay: &ClayState| clay.shape.size_m().iter().product::<f64>();
+    let is_one_block = |clay: &ClayState| {
+        let off = clay.initial_volume_m3 / volume_of(clay) - 1.0;
+        off.abs() < 1e-9 && clay.removed_units == 0
+    };
+    let put = |edge_m: f64| {
+        for _ in 0..BLOCKS {
+            let block = json!({ "shape": { "kind": "block", "size_m": [edge_m, edge_m, edge_m] } });
+            let put: Session = site.post(&format!("{path}/clay/reset"), &block).json();
+            let shape = ClayShape::Block {
+                size_m: [edge_m; 3],
+            };
+            assert_eq!(put.clay.shape, shape);
+            assert!(is_one_block(&put.clay), "{:?}", put.clay);
+        }
+    };
+    let looks = std::thread::scope(|scope| {
+        let both = [0.016, 0.032].map(|edge_m| scope.spawn(move || put(edge_m)));
+        let (mut looks, mut epoch) = (0, 0);
+        while both.iter().any(|one| !one.is_finished()) {
+            let clay = site.get(&path).json::<Session>().clay;
+            assert!(is_one_block(&clay), "{clay:?}");
+            assert!(epoch <= clay.epoch, "{epoch} was over");
+            (epoch, looks) = (clay.epoch, looks + 1);
+        }
+        looks
+    });
+    println!("{looks} looks at {} blocks", 2 * BLOCKS);
+    assert!(BLOCKS < looks, "hardly looked");
+    let last = site.get(&path).json::<Session>().clay;
+    assert_eq!(last.epoch, 1 + 2 * BLOCKS);
     site.delete(&path);
 }

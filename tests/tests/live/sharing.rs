@@ -118,10 +118,78 @@ fn with_a_deadband_most_frames_are_left_out_and_the_cut_goes_on() {
             state.packets_up_per_s, state.packets_down_per_s
         );
         assert!((40.0..500.0).contains(&state.packets_up_per_s), "{state:?}");
+        // A running session changes over, both ends of it, and back.
+        for (deadband, frames) in [(0.0, 900.0..1100.0), (0.07, 40.0..500.0)] {
+            client
+                .patch(scheme, &json!({ "deadband": deadband }))
+                .unwrap();
+            let state = client.let_pass(scheme, 4000).unwrap();
+            assert_eq!(state.deadband, deadband);
+            let state = state.control_loop;
+            let rates = [state.packets_up_per_s, state.packets_down_per_s];
+            println!("{scheme}, deadband {deadband}: {rates:.0?} frames a second");
+            assert!(rates.iter().all(|rate| frames.contains(rate)), "{rates:?}");
+        }
         assert!(handle.process.end().unwrap().success());
         let rows = handle.ticks().unwrap();
         let alive = rows.iter().filter(|row| row.contact == "live").count();
-        assert!(3900 < alive, "{alive} ticks with frames");
+        assert!(11_900 < alive, "{alive} ticks with frames");
+    }
+}
+
+/// Strokes to and fro along x, each a little deeper than the one before.
+fn strokes(first: f64) -> String {
+    let corner = |leg: i32| {
+        let side = if leg % 2 == 0 { first } else { -first };
+        let depth_m = 0.004 + 0.002 * f64::from(leg);
+        format!("{:.3},0,{:.3}@0.06", 0.03 * side, -depth_m)
+    };
+    (0..12).map(corner).collect::<Vec<_>>().join(";")
+}
+
+/// Two hands cut along one line, from both ends. What the one cuts comes to the other a delay late and moves its force, in bounded steps; the server, and
+/// whoever asks it, knows of that what the hands themselves wrote down.
+#[test]
+fn what_one_hand_cuts_moves_the_force_of_the_other_gently_and_the_server_tells() {
+    const RANGE_N: f64 = 20.0;
+    let server = Server::on_free_ports().unwrap();
+    let client = &server.client;
+    client
+        .create(&json!({
+            "id": "both", "scheme": "replica", "tools": 2,
+            "tool": {"kind": "ball", "radius_m": 0.0064},
+            "material": {"viscosity_pa_s_per_m": 6e5},
+            "network": {"up": {"delay_s": 0.04}, "down": {"delay_s": 0.04}},
+        }))
+        .unwrap();
+    let mut hands = ["Ada", "Bob"].map(|name| {
+        let waypoints = strokes(if name == "Ada" { 1.0 } else { -1.0 });
+        let flags = ["--intent", "trajectory", "--waypoints", &waypoints];
+        let options = HandleOptions::new(&server.endpoint()).in_session("both");
+        Handle::start(&options.by(name).with(&flags)).unwrap()
+    });
+    client
+        .session_when("both", "corrections of both copies", PATIENCE, |session| {
+            session.tools.len() == 2 && session.tools.iter().all(|tool| 10 < tool.corrections.count)
+        })
+        .unwrap();
+    client.patch("both", &json!({"paused": true})).unwrap();
+    let told = client.let_pass("both", 1000).unwrap().tools;
+    for (hand, tool) in hands.iter_mut().zip(told) {
+        assert!(hand.process.end().unwrap().success());
+        let rows = hand.ticks().unwrap();
+        let steps = rows
+            .windows(2)
+            .map(|pair| pair[1].correction_moved_n - pair[0].correction_moved_n);
+        let largest_n = steps.fold(0.0, f64::max);
+        let corrections = tool.corrections;
+        println!("{}: {corrections:?}", tool.operator);
+        let last = rows.last().unwrap();
+        assert_eq!(corrections.moved_n, last.correction_moved_n);
+        assert!((corrections.largest_step_n - largest_n).abs() < 1e-6);
+        assert!(0.0 < largest_n && largest_n <= 0.07 * RANGE_N);
+        assert_eq!(norm(corrections.held_n), 0.0, "all of it was let in");
+        assert!(corrections.injected_j <= 0.05);
     }
 }
 

@@ -70,6 +70,10 @@ export function NetworkControls(): JSX.Element {
       ))}
       {!symmetric && <h3>server to handle</h3>}
       {!symmetric && ROWS.map(({ quantity, ...row }) => <NumberField key={quantity} {...row} pointer={down(quantity)} />)}
+      <h3 title="A frame whose force or velocity differs from the one sent last by less than this share is left out. A hand can just tell 7 %.">
+        frames left out below a change of
+      </h3>
+      <NumberField pointer="/deadband" label="deadband" unit="%" factor={100} scale={power(0.5, 2)} />
     </section>
   );
 }

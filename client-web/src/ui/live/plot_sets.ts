@@ -24,7 +24,7 @@ interface CurveSpec {
 }
 
 export interface PlotSpec {
-  /** Unique among all plots. */
+  /** Unique within its set. */
   readonly name: string;
   readonly title: string;
   readonly unit: string;
@@ -35,7 +35,7 @@ export interface PlotSpec {
   readonly curves: readonly CurveSpec[];
 }
 
-export type PlotSet = "motion" | "link";
+export type PlotSet = "motion" | "link" | "copy";
 
 const MM = 1000;
 const MJ = 1000;
@@ -45,6 +45,19 @@ const MS = 1000;
 const component = (channel: number, factor = 1) => ({ axis }: Moment): Term[] => [{ channel: channel + axis, factor }];
 /** The handle where it would have the tool. */
 const handle = (channel: number) => ({ axis, session }: Moment): Term[] => [{ channel: channel + axis, factor: MM * session.position_ratio }];
+
+const FELT_AGAINST_CLAY: PlotSpec = {
+  name: "hidden", title: "Felt, clay", unit: "N", places: 2, least: 0.2,
+  says: "the force that the hand feels, the clay's own on the tool, and what the first hides of the second",
+  curves: [
+    { label: "felt", colour: "--felt", width: 3, terms: component(Channel.felt_force_n) },
+    { label: "clay", colour: "--tool", terms: component(Channel.tool_force_n) },
+    {
+      label: "apart", colour: "--text",
+      terms: ({ axis }) => [{ channel: Channel.felt_force_n + axis, factor: 1 }, { channel: Channel.tool_force_n + axis, factor: -1 }],
+    },
+  ],
+};
 
 export const PLOT_SETS: Record<PlotSet, readonly PlotSpec[]> = {
   motion: [
@@ -84,22 +97,27 @@ export const PLOT_SETS: Record<PlotSet, readonly PlotSpec[]> = {
         },
       ],
     },
-    {
-      name: "hidden", title: "Felt against clay", unit: "N", places: 2, least: 0.2,
-      says: "the force that the hand feels, the clay's own on the tool, and what the first hides of the second",
-      curves: [
-        { label: "felt", colour: "--felt", width: 3, terms: component(Channel.felt_force_n) },
-        { label: "clay", colour: "--tool", terms: component(Channel.tool_force_n) },
-        {
-          label: "apart", colour: "--text",
-          terms: ({ axis }) => [{ channel: Channel.felt_force_n + axis, factor: 1 }, { channel: Channel.tool_force_n + axis, factor: -1 }],
-        },
-      ],
-    },
+    FELT_AGAINST_CLAY,
     {
       name: "round-trip", title: "Round trip", unit: "ms", places: 2, least: 1,
       says: "handle to tool and back",
       curves: [{ label: "round trip", colour: "--accent", terms: () => [{ channel: Channel.rtt_s, factor: MS }] }],
+    },
+  ],
+  copy: [
+    FELT_AGAINST_CLAY,
+    {
+      name: "corrections", title: "Corrections", unit: "N", places: 3, least: 0.1,
+      says: "how far news of the clay moves the felt force, from sample to sample, and what of it is still held back",
+      curves: [
+        { label: "held back", colour: "--text", terms: () => [{ channel: Channel.correction_held_n, factor: 1 }] },
+        { label: "let in", colour: "--accent", width: 2, terms: () => [{ channel: Channel.correction_step_n, factor: 1 }] },
+      ],
+    },
+    {
+      name: "age", title: "News", unit: "ms", places: 1, least: 5,
+      says: "how long ago the newest frame from the hand came: as far as the server's clay is behind its copy, besides the delay",
+      curves: [{ label: "age", colour: "--accent", terms: () => [{ channel: Channel.age_s, factor: MS }] }],
     },
   ],
 };

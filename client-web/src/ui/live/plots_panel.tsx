@@ -21,6 +21,7 @@ const AXES = ["x", "y", "z"] as const;
 const SETS = [
   { value: "motion", text: "motion", title: "force, position and velocity of hand and tool" },
   { value: "link", text: "link", title: "energy at both ports, what the hand feels against what the clay does, round trip" },
+  { value: "copy", text: "copy", title: "what a copy of the clay hides, how it is corrected, how old the server's news of the hand are" },
 ] as const;
 
 export function PlotsPanel(): JSX.Element {

@@ -3,7 +3,7 @@
 import { useComputed } from "@preact/signals";
 import type { JSX } from "preact";
 import { SCHEMES, type ToolState } from "../../protocol/session";
-import { count } from "../format";
+import { count, fixed } from "../format";
 import { SCHEME_WORDS } from "../scheme_words";
 import { live } from "../store";
 
@@ -50,9 +50,31 @@ function CopyLine(): JSX.Element | null {
   const { grade, says } = COPY_WORDS[tool.copy];
   const { sweeps_refused: refused } = tool;
   return (
-    <p class="copy" data-grade={grade} data-testid="copy" data-copy={tool.copy}>
-      <i class="dot" aria-hidden="true" /> {says}
-      {refused !== 0 && ` The server refused ${count(refused)} ${refused === 1 ? "cut" : "cuts"}.`}
+    <>
+      <p class="copy" data-grade={grade} data-testid="copy" data-copy={tool.copy}>
+        <i class="dot" aria-hidden="true" /> {says}
+        {refused !== 0 && ` The server refused ${count(refused)} ${refused === 1 ? "cut" : "cuts"}.`}
+      </p>
+      {tool.copy !== "none" && <CorrectionsLine {...tool.corrections} />}
+    </>
+  );
+}
+
+const MJ = 1000;
+
+/** What news of the clay has done to the hand. */
+function CorrectionsLine({ count: corrections, largest_step_n, injected_j, tank_j }: ToolState["corrections"]): JSX.Element {
+  return (
+    <p
+      class="faint says"
+      data-testid="corrections"
+      data-count={corrections}
+      title="What others cut comes in a delay late. The force follows in bounded steps, and only with energy that this hand has spent on cutting."
+    >
+      {corrections === 0
+        ? "Nothing had to be corrected under the tool."
+        : `Corrected under the tool ${count(corrections)} ${corrections === 1 ? "time" : "times"}: at most ${fixed(largest_step_n, 2)} N in a tick, `
+          + `${fixed(MJ * injected_j, 1)} mJ brought into the hand, ${fixed(MJ * tank_j, 0)} mJ allowed.`}
     </p>
   );
 }

@@ -44,6 +44,12 @@ pub struct Workplace {
 }
 
 impl Workplace {
+    /// The part of a force, or of a motion that it does work on, that reaches the hand.
+    fn felt(&self, vector: Vec3) -> Vec3 {
+        let z = if self.is_lifted { 0.0 } else { vector.z };
+        Vec3::new(vector.x, vector.y, z)
+    }
+
     /// Whether a sweep is one that this tool can have made in a tick: within reach, and no faster than allowed. Both to a lattice step, for the
     /// lattice rounds.
     ///
@@ -116,8 +122,8 @@ pub struct Copy {
 }
 
 impl Copy {
-    /// A copy of the block of `epoch`, with the tool at a pose at rest.
-    pub fn new(clay: Box<Clay>, epoch: u32, pose: Pose, workplace: &Workplace) -> Self {
+    /// A copy of the block of `epoch`, with the tool at a pose at rest. `limits` are at the tool, where the ratios of the coupling have been applied.
+    pub fn new(clay: Box<Clay>, epoch: u32, pose: Pose, limits: GateLimits) -> Self {
         Self {
             clay,
             epoch,
@@ -125,7 +131,7 @@ impl Copy {
             pose,
             from: pose,
             answer: Vec3::zeros(),
-            gate: ForceGate::new(GateLimits::for_range(workplace.force_limit_n)),
+            gate: ForceGate::new(limits),
             corrections: Vec::with_capacity(CORRECTIONS_WAITING),
             is_fresh_picture: false,
             hash: None,
@@ -243,7 +249,8 @@ impl Copy {
         let mut force = Vec3::from(answer.force_n);
         if std::mem::take(&mut self.is_fresh_picture) {
             // The old picture is gone: what it answered a tick ago stands for what it would answer now.
-            self.gate.on_correction(self.answer, force);
+            self.gate
+                .on_correction(workplace.felt(self.answer), workplace.felt(force));
         }
         let (is_near, is_changed) = self.carry_out_corrections(workplace, &motion);
         if is_near {
@@ -255,7 +262,8 @@ impl Copy {
                 &mut self.contact,
             );
             let after = Vec3::from(felt.force_n);
-            self.gate.on_correction(force, after);
+            self.gate
+                .on_correction(workplace.felt(force), workplace.felt(after));
             force = after;
         }
         if 0 < removed || is_changed {
@@ -264,7 +272,9 @@ impl Copy {
         self.refresh_hash();
         self.answer = force;
         Worked {
-            force: self.gate.step(force, velocity, workplace.travel.tick_s),
+            force: self
+                .gate
+                .step(force, workplace.felt(velocity), workplace.travel.tick_s),
             // A tool that rests cuts as well, where clay stands in its place.
             cut: (edge == Edge::Cutting && (from != to || 0 < removed)).then_some(Cut { from, to }),
             has_changed_clay: 0 < removed,

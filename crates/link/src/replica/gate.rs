@@ -3,7 +3,8 @@
 //! A correction changes the clay under the tool and with it, at the same pose and speed, the force. The gate keeps the difference and lets
 //! it go a step a tick, so that the felt force never jumps. While it is held, what is felt is not what the copy says; where that
 //! difference pushes the hand along its own motion it would bring energy into the hand that nobody put in. So it may do so only out of a tank,
-//! and the tank fills with what the hand has spent on cutting.
+//! and the tank fills with what the hand has spent on cutting. Where the tank is empty the energy counts more than the step: the force then
+//! shows the correction at once.
 //!
 //! In this clay a correction stores no energy by itself: viscous and plastic resistance store none, and the elastic stretch is measured from where the clay
 //! last gave way, not from a wall that a correction could move under the tool. A spring wall would need the penetration to be gated instead.
@@ -41,6 +42,9 @@ pub struct ForceGate {
     injected_j: f64,
     earned_j: f64,
     step_n: f64,
+    largest_step_n: f64,
+    moved_n: f64,
+    corrections: u32,
 }
 
 impl ForceGate {
@@ -53,11 +57,17 @@ impl ForceGate {
             injected_j: 0.0,
             earned_j: 0.0,
             step_n: 0.0,
+            largest_step_n: 0.0,
+            moved_n: 0.0,
+            corrections: 0,
         }
     }
 
     /// A correction has changed the copy's force from `before` to `after`, N, at the same pose and speed.
     pub fn on_correction(&mut self, before: Vec3, after: Vec3) {
+        if before != after {
+            self.corrections = self.corrections.wrapping_add(1);
+        }
         self.held += before - after;
     }
 
@@ -81,12 +91,29 @@ impl ForceGate {
             self.injected_j += drawn;
         }
         self.step_n = (self.held - before).norm();
+        self.largest_step_n = self.largest_step_n.max(self.step_n);
+        self.moved_n += self.step_n;
         force + self.held
     }
 
     /// By how much the last tick changed the felt force on account of corrections, N.
     pub fn step_n(&self) -> f64 {
         self.step_n
+    }
+
+    /// Most by which any tick changed the felt force on account of corrections, N.
+    pub fn largest_step_n(&self) -> f64 {
+        self.largest_step_n
+    }
+
+    /// How far corrections have moved the felt force, tick by tick and all told, N.
+    pub fn moved_n(&self) -> f64 {
+        self.moved_n
+    }
+
+    /// How many corrections changed the force; wraps.
+    pub fn corrections(&self) -> u32 {
+        self.corrections
     }
 
     /// Felt force less the copy's, N.
@@ -139,6 +166,7 @@ mod tests {
         let before = Vec3::new(-4.0, 0.0, 0.0);
         gate.step(before, velocity, TICK_S);
         gate.on_correction(before, Vec3::zeros());
+        gate.on_correction(Vec3::zeros(), Vec3::zeros());
         let mut felt = before;
         for _ in 0..10 {
             let next = gate.step(Vec3::zeros(), velocity, TICK_S);
@@ -146,6 +174,17 @@ mod tests {
             felt = next;
         }
         assert!(felt.norm() < 1e-12);
+        assert_eq!(
+            gate.corrections(),
+            1,
+            "one of the two changed nothing that is felt"
+        );
+        for _ in 0..10 {
+            gate.step(Vec3::zeros(), velocity, TICK_S);
+        }
+        assert_eq!(gate.step_n(), 0.0);
+        assert!((gate.largest_step_n() - LIMITS.step_n).abs() < 1e-12);
+        assert!((gate.moved_n() - before.norm()).abs() < 1e-12);
         assert_eq!(
             gate.injected_j(),
             0.0,

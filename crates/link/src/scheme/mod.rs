@@ -26,6 +26,7 @@ pub mod tdpa;
 pub mod wave;
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use teleclay_control::DiscreteStateSpace;
 use teleclay_proto::Scheme;
@@ -162,6 +163,9 @@ pub trait ToolEnd: Send {
     fn merge(&mut self, _now: Timestamp, _port: &ToolPort, _site: Site<'_>) -> Option<Merged> {
         None
     }
+
+    /// From now on the handle leaves frames out, for so long at most; `None`: it sends one every tick.
+    fn expect_gaps(&mut self, _longest: Option<Duration>) {}
 
     /// Where the tool should be one tick later, m. `remote_gain` is the watchdog's, 0 to 1; it scales whatever the scheme makes of
     /// old news.

@@ -10,7 +10,12 @@
 //! answer to the motion of a tick is felt in the next: one tick more. So what the line itself may take is the margin less two ticks, for clay
 //! that answers position instead of velocity less one and a half.
 //!
+//! With perceptual coding the handle sends a frame only when its velocity has changed by more than a hand can tell, and the tool's end bridges what is
+//! left out.
+//!
 //! It creates energy as soon as there is delay, and has nothing to notice that with. It shows why the other schemes exist.
+
+use std::time::Duration;
 
 use teleclay_proto::frame::{HandleFrame, ToolFrame};
 
@@ -48,9 +53,9 @@ impl HandleEnd for PositionForceHandle {
 
     fn fill(&mut self, _frame: &mut HandleFrame) {}
 
-    /// The tool makes a velocity of differences of the positions it gets: a gap would be a jump.
-    fn signal(&self, _frame: &HandleFrame) -> Option<Signal> {
-        None
+    /// The tool goes on at the speed it was told last, see [`Bridge`].
+    fn signal(&self, frame: &HandleFrame) -> Option<Signal> {
+        Some(Signal::velocity(Vec3::from(frame.velocity_m_s)))
     }
 }
 
@@ -58,7 +63,9 @@ impl HandleEnd for PositionForceHandle {
 #[derive(Clone, Copy, Debug)]
 pub struct PositionForceTool {
     position_ratio: f64,
+    tick_s: f64,
     handle_position: Vec3,
+    bridge: Option<Bridge>,
 }
 
 impl PositionForceTool {
@@ -66,7 +73,9 @@ impl PositionForceTool {
     pub fn new(coupling: &Coupling) -> Self {
         Self {
             position_ratio: coupling.position_ratio,
+            tick_s: coupling.tick_s,
             handle_position: Vec3::zeros(),
+            bridge: None,
         }
     }
 }
@@ -74,14 +83,35 @@ impl PositionForceTool {
 impl ToolEnd for PositionForceTool {
     fn on_frame(&mut self, _now: Timestamp, frame: &HandleFrame) {
         self.handle_position = Vec3::from(frame.position_m);
+        if let Some(bridge) = &mut self.bridge {
+            bridge.told = self.handle_position;
+            bridge.velocity = Vec3::from(frame.velocity_m_s);
+            bridge.age_s = 0.0;
+        }
+    }
+
+    fn expect_gaps(&mut self, longest: Option<Duration>) {
+        self.bridge = longest.map(|longest| Bridge {
+            gap_s: longest.as_secs_f64().max(self.tick_s),
+            ..Bridge::at(self.handle_position)
+        });
     }
 
     fn reference(&mut self, _now: Timestamp, _port: &ToolPort, _remote_gain: f64) -> Vec3 {
+        if let Some(bridge) = &mut self.bridge {
+            self.handle_position = bridge.step(self.tick_s);
+        }
         self.handle_position * self.position_ratio
     }
 
     fn reindex(&mut self, handle_position: Vec3) {
         self.handle_position = handle_position;
+        if let Some(bridge) = &mut self.bridge {
+            *bridge = Bridge {
+                gap_s: bridge.gap_s,
+                ..Bridge::at(handle_position)
+            };
+        }
     }
 
     fn recovery(&self) -> Recovery {
@@ -92,5 +122,46 @@ impl ToolEnd for PositionForceTool {
 
     fn signal(&self, frame: &ToolFrame) -> Option<Signal> {
         Some(Signal::force(Vec3::from(frame.force_n)))
+    }
+}
+
+/// The handle's way while its frames are left out. It goes on at the velocity told last, which is within the band of the true one. Where the next
+/// frame says otherwise, the difference is made up over one gap: a jump of position would be a blow of force, for the clay answers velocity.
+#[derive(Clone, Copy, Debug)]
+struct Bridge {
+    /// The longest that frames are left out, s.
+    gap_s: f64,
+    told: Vec3,
+    velocity: Vec3,
+    /// Of what was told, s.
+    age_s: f64,
+    at: Vec3,
+}
+
+impl Bridge {
+    /// At rest.
+    fn at(position: Vec3) -> Self {
+        Self {
+            gap_s: 0.0,
+            told: position,
+            velocity: Vec3::zeros(),
+            age_s: 0.0,
+            at: position,
+        }
+    }
+
+    /// Where the handle is taken to be in this tick.
+    fn step(&mut self, tick_s: f64) -> Vec3 {
+        // A frame that was sent and lost is one more gap, and further than that nothing is known.
+        let goes_on = self.age_s < 2.0 * self.gap_s;
+        if goes_on {
+            self.at += self.velocity * tick_s;
+        }
+        let foreseen = self.told + self.velocity * self.age_s;
+        self.at += (foreseen - self.at) * (tick_s / self.gap_s);
+        if goes_on {
+            self.age_s += tick_s;
+        }
+        self.at
     }
 }

@@ -3,8 +3,8 @@
 use serde_json::{Value, json};
 use teleclay_proto::Scheme;
 use teleclay_proto::frame::{
-    CopyState, Engagement, HandleFrame, Header, LoopStatus, MAX_FRAME, MAX_SWEEPS, SweepRecord,
-    SweepRefusal, Sweeps, ToolFrame,
+    CopyState, Corrections, Engagement, HandleFrame, Header, LoopStatus, MAX_FRAME, MAX_SWEEPS,
+    SweepRecord, SweepRefusal, Sweeps, ToolFrame,
 };
 
 use super::values::{handle_frame_value, hex, tool_frame_value};
@@ -43,6 +43,14 @@ pub(super) fn handle_frames() -> Value {
         clay_hash: 0xfedc_ba98_7654_3210,
         relayed_acknowledged: 0x5453_5251,
         copy: CopyState::Stale,
+        corrections: Corrections {
+            moved_n: 1.5,
+            held_n: [0.5, -0.75, 0.0625],
+            largest_step_n: 0.375,
+            injected_j: 0.001953125,
+            tank_j: 0.03125,
+            count: 0x6463_6261,
+        },
         sweeps,
     };
     let mut full = Sweeps::new(1);

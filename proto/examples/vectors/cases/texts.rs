@@ -5,9 +5,9 @@ use serde_json::{Value, json};
 
 use teleclay_proto::frame::CopyState;
 use teleclay_proto::http::{
-    Burst, ClayHash, ClayReset, ClayShape, ClaySpec, ClayState, FieldError, Impairment,
-    JitterDistribution, LoopState, Material, Network, NewSession, Outage, Problem, Quantiles,
-    Session, SessionPatch, SessionState, TickQuantiles, ToolState, parse,
+    Burst, ClayHash, ClayReset, ClayShape, ClaySpec, ClayState, CorrectionsState, FieldError,
+    Impairment, JitterDistribution, LoopState, Material, Network, NewSession, Outage, Problem,
+    Quantiles, Session, SessionPatch, SessionState, TickQuantiles, ToolState, parse,
 };
 use teleclay_proto::join::{
     ClayDescription, FreshReply, FreshRequest, Granted, JoinReply, JoinRequest, LeaveReply,
@@ -110,6 +110,7 @@ pub(super) fn client_texts() -> Value {
                             .into(),
                         ),
                         network: Some(full.into()),
+                        deadband: Some(0.07),
                         paused: Some(true),
                     }),
                 },
@@ -360,6 +361,14 @@ fn session() -> Session {
             copy: CopyState::Live,
             hidden_force_n: [0.0625, 0.0, 0.0],
             sweeps_refused: 2,
+            corrections: CorrectionsState {
+                count: 3,
+                moved_n: 1.5,
+                held_n: [-0.25, 0.0, 0.0],
+                largest_step_n: 0.375,
+                injected_j: 0.001953125,
+                tank_j: 0.03125,
+            },
         }],
         position_ratio: 1.0,
         coordination_m: 2.5e-5,

@@ -20,6 +20,14 @@ pub fn handle_frame_value(frame: &HandleFrame) -> Value {
         "clay_hash": ClayHash(frame.clay_hash).to_string(),
         "relayed_acknowledged": frame.relayed_acknowledged,
         "copy": frame.copy.word(),
+        "corrections": {
+            "moved_n": float(frame.corrections.moved_n),
+            "held_n": singles(frame.corrections.held_n),
+            "largest_step_n": float(frame.corrections.largest_step_n.into()),
+            "injected_j": float(frame.corrections.injected_j.into()),
+            "tank_j": float(frame.corrections.tank_j.into()),
+            "count": frame.corrections.count,
+        },
         "oldest_unacknowledged": frame.sweeps.oldest_unacknowledged,
         "sweeps": sweeps_value(&frame.sweeps),
     })
@@ -69,6 +77,9 @@ pub fn telemetry_value(view: &TelemetryView<'_>) -> Value {
                 "energy_handle_j": float(sample.energy_handle_j.into()),
                 "energy_tool_j": float(sample.energy_tool_j.into()),
                 "rtt_s": float(sample.rtt_s.into()),
+                "correction_step_n": float(sample.correction_step_n.into()),
+                "correction_held_n": float(sample.correction_held_n.into()),
+                "age_s": float(sample.age_s.into()),
             })
         })
         .collect();

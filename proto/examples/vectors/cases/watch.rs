@@ -35,6 +35,9 @@ pub(super) fn telemetry() -> Value {
         energy_handle_j: 0.75,
         energy_tool_j: -0.75,
         rtt_s: 0.0078125,
+        correction_step_n: 0.25,
+        correction_held_n: 0.5,
+        age_s: 0.015625,
     };
     let unusual = TelemetrySample {
         rtt_s: f32::NAN,
@@ -184,8 +187,8 @@ pub(super) fn refused() -> Value {
             case("handle_frame", "no such scheme", "unknown_value", with(&handle, 38, 5)),
             case("handle_frame", "no such engagement", "unknown_value", with(&handle, 39, 3)),
             case("handle_frame", "reserved bytes in use", "reserved_not_zero", with(&handle, 222, 1)),
-            case("handle_frame", "a sweep is announced but missing", "too_short", with(&handle, 228, 1)),
-            case("handle_frame", "25 sweeps", "too_many", [&with(&handle, 228, 25)[..], &[0; 25 * 28]].concat()),
+            case("handle_frame", "a sweep is announced but missing", "too_short", with(&handle, 264, 1)),
+            case("handle_frame", "25 sweeps", "too_many", [&with(&handle, 264, 25)[..], &[0; 25 * 28]].concat()),
             case("tool_frame", "a byte too few", "too_short", shorter(&tool)),
             case("tool_frame", "a byte too many", "trailing_bytes", longer(&tool)),
             case("tool_frame", "a handle frame", "wrong_kind", handle.clone()),

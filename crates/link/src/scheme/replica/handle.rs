@@ -5,12 +5,16 @@ use std::time::Duration;
 
 use teleclay_clay::{Clay, Pose};
 use teleclay_proto::Scheme;
-use teleclay_proto::frame::{CopyState, HandleFrame, LoopStatus, SweepRecord, ToolFrame};
+use teleclay_proto::frame::{
+    CopyState, Corrections, HandleFrame, LoopStatus, SweepRecord, ToolFrame,
+};
 
 use super::STALE;
 use crate::Vec3;
 use crate::deadband::Signal;
-use crate::replica::{Copy, Cut, Edge, Novelty, SweepInbox, SweepLog, WINDOW, Workplace};
+use crate::replica::{
+    Copy, Cut, Edge, GateLimits, Novelty, SweepInbox, SweepLog, WINDOW, Workplace,
+};
 use crate::round_trip;
 use crate::scheme::tdpa::TdpaHandle;
 use crate::scheme::{Coupling, HandleEnd, HandlePort};
@@ -136,6 +140,21 @@ impl ReplicaHandle {
         self.copy.as_ref()
     }
 
+    /// What corrections of the copy have done to the hand; nothing without a copy.
+    fn corrections(&self) -> Corrections {
+        let Some(gate) = self.copy.as_ref().map(Copy::gate) else {
+            return Corrections::default();
+        };
+        Corrections {
+            moved_n: gate.moved_n() / -self.coupling.force_ratio,
+            held_n: self.coupling.felt(gate.held()).map(|n| n as f32).into(),
+            largest_step_n: (gate.largest_step_n() / -self.coupling.force_ratio) as f32,
+            injected_j: (gate.injected_j() / self.coupling.power_ratio()) as f32,
+            tank_j: (gate.tank_j() / self.coupling.power_ratio()) as f32,
+            count: gate.corrections(),
+        }
+    }
+
     /// The sweeps made here.
     pub fn log(&self) -> &SweepLog {
         &self.log
@@ -187,7 +206,7 @@ impl ReplicaHandle {
             picture.clay,
             picture.epoch,
             pose,
-            &self.workplace,
+            self.gate_limits(),
         ));
         self.gain = 0.0;
     }
@@ -201,6 +220,15 @@ impl ReplicaHandle {
     pub fn move_to(&mut self, workplace: &Arc<Workplace>) {
         self.travel.limit(workplace.travel);
         self.workplace = Arc::clone(workplace);
+    }
+
+    /// What the gate may do to the device, as the tool's side of the ratios has it.
+    fn gate_limits(&self) -> GateLimits {
+        let at_device = GateLimits::for_range(self.workplace.force_limit_n);
+        GateLimits {
+            step_n: at_device.step_n * -self.coupling.force_ratio,
+            tank_j: at_device.tank_j * self.coupling.power_ratio(),
+        }
     }
 
     fn take_relayed(&mut self, now: Timestamp, frame: &ToolFrame) {
@@ -400,6 +428,7 @@ impl HandleEnd for ReplicaHandle {
     fn fill(&mut self, frame: &mut HandleFrame) {
         self.fallback.fill(frame);
         frame.copy = self.state();
+        frame.corrections = self.corrections();
         frame.clay_hash = self.copy.as_ref().and_then(Copy::hash).unwrap_or(0);
         frame.relayed_acknowledged = self.inbox.complete();
         frame.header.clay_epoch = self.copy.as_ref().map_or(self.epoch, Copy::epoch);

@@ -1,0 +1,335 @@
+//! The course of a run: join, drive the device, notice what is lost, join again, leave.
+//!
+//! | module | does |
+//! |---|---|
+//! | `lease` | looks for a server and takes the lease that it grants into use |
+//! | `ticks` | reads what the tick has recorded, and does what follows from it |
+//! | `failure` | why a run ended that was not asked to |
+
+mod failure;
+mod lease;
+mod ticks;
+
+use std::future::Future;
+use std::pin::Pin;
+use std::time::Duration;
+
+use teleclay_bilateral::Contact;
+use teleclay_proto::join::FreshReply;
+use teleclay_proto::{NodeName, SessionId};
+use teleclay_shell::network::{self, Endpoints};
+use teleclay_shell::ticker::{Scheduling, Ticker};
+use teleclay_shell::{Clock, Drift};
+use tokio::sync::mpsc::{UnboundedReceiver, UnboundedSender, unbounded_channel};
+use tokio::sync::watch;
+use tokio::time::{Instant, Interval, MissedTickBehavior, interval, sleep_until, timeout};
+use zenoh::Session;
+
+use crate::device::{Device, DeviceError, Workplace};
+use crate::engine::{Ends, Mode, Order};
+use crate::event::Event;
+use crate::join::{self, JoinError, Welcome};
+use crate::line::Line;
+use crate::recording::Recording;
+use crate::refresh::Fresh;
+use crate::singularity::Lookout;
+use crate::status::{State, Status, Tally};
+
+pub use failure::{EXIT_CODES, Failure};
+
+/// How often the tick's records are read: soon enough for a person, and the ring holds two hundred times as many.
+const READ_EVERY: Duration = Duration::from_millis(20);
+/// How often the state is told.
+const TELL_EVERY: Duration = Duration::from_secs(1);
+/// Bringing the handle to rest takes 0.3 s at most.
+const REST_WITHIN: Duration = Duration::from_millis(500);
+/// Ticks that say goodbye at least: enough for one of them to get through a line that loses every second frame.
+const GOODBYES: u64 = 10;
+/// A session that will not close is left to the end of the process.
+const CLOSE_WITHIN: Duration = Duration::from_secs(1);
+
+/// Opens the device for a workplace.
+pub type OpenDevice = Box<dyn Fn(&Workplace) -> Result<Box<dyn Device>, DeviceError> + Send + Sync>;
+
+/// What to run.
+pub struct Options {
+    /// Zenoh endpoint of the server.
+    pub connect: String,
+    /// The session to join.
+    pub session: SessionId,
+    /// The server, when several can be reached.
+    pub node: Option<NodeName>,
+    /// Who holds the handle.
+    pub operator: String,
+    /// The server's token, when it asks for one.
+    pub token: Option<String>,
+    /// What the handle is, for people to read.
+    pub device: String,
+    /// Opens it, once the session is known; again when a later lease brings another workplace.
+    pub open_device: OpenDevice,
+    /// What to ask the scheduler for.
+    pub scheduling: Scheduling,
+    /// The last part of each wait that is spun.
+    pub spin: Duration,
+    /// How much faster the handle's clock runs than the system's; for tests of what another machine's crystal does.
+    pub clock_drift: Drift,
+    /// Where every tick is written down.
+    pub recording: Option<Recording>,
+}
+
+/// When to end a run.
+pub struct Until {
+    /// Becomes true when somebody wants it to end.
+    pub stop: watch::Receiver<bool>,
+    /// And it ends at this instant by itself.
+    pub deadline: Option<Instant>,
+}
+
+/// How a run ended.
+#[derive(Debug)]
+pub struct Ending {
+    /// The whole run in figures.
+    pub summary: Status,
+    /// Why it ended, unless it was asked to and all was well.
+    pub outcome: Result<(), Failure>,
+}
+
+/// Runs until the end that was asked for, or until a failure. Needs a runtime of several threads.
+pub async fn run(options: Options, mut until: Until, events: UnboundedSender<Event>) -> Ending {
+    let started = Instant::now();
+    let endpoints = Endpoints {
+        connect: vec![options.connect.clone()],
+        ..Endpoints::default()
+    };
+    let control = match network::open(&endpoints).await {
+        Ok(control) => control,
+        Err(error) => {
+            return Ending {
+                summary: Status::default(),
+                outcome: Err(error.into()),
+            };
+        }
+    };
+    let mut run = Run::new(options, control, events, started);
+    let outcome = run.attend(&mut until).await;
+    let is_over = run.leave().await;
+    // A fault met while leaving is one all the same.
+    let outcome = outcome.and(is_over);
+    let state = outcome.is_ok().then_some(State::Leaving);
+    let summary = run.tally.summary(started.elapsed(), state);
+    run.close().await;
+    Ending { summary, outcome }
+}
+
+type Searching = Pin<Box<dyn Future<Output = Result<Box<Welcome>, JoinError>> + Send>>;
+type Refreshing = Pin<Box<dyn Future<Output = Result<Fresh, String>> + Send>>;
+type Freshening = Pin<Box<dyn Future<Output = Result<FreshReply, String>> + Send>>;
+
+/// A device in motion.
+struct Rig {
+    workplace: Workplace,
+    ticker: Ticker,
+    ends: Ends,
+}
+
+struct Run {
+    options: Options,
+    clock: Clock,
+    started: Instant,
+    control: Session,
+    /// Queries and liveliness while frames fly, on an endpoint of its own.
+    slow: Option<(String, Session)>,
+    events: UnboundedSender<Event>,
+    tally: Tally,
+    rig: Option<Rig>,
+    line: Option<Line>,
+    searching: Option<Searching>,
+    searching_since: Instant,
+    lost_at: Option<Instant>,
+    freshening: Option<Freshening>,
+    /// What the tick wants to know is being fetched, for this lease.
+    refreshing: Option<Refreshing>,
+    refreshing_for: u32,
+    /// Nothing is fetched before.
+    refresh_from: Instant,
+    /// Revision of the parameters that the tick works with.
+    revision: u16,
+    /// Time without a frame, as of the last record of the lease that is held.
+    silence: Duration,
+    /// Gets the lease whose server has gone.
+    gone: (UnboundedSender<u32>, UnboundedReceiver<u32>),
+    /// Of the last record: lease, contact, and since when it lasts.
+    contact: (u32, Contact, Instant),
+    mode: Mode,
+    lookout: Lookout,
+    is_leaving: bool,
+}
+
+impl Run {
+    fn new(
+        options: Options,
+        control: Session,
+        events: UnboundedSender<Event>,
+        started: Instant,
+    ) -> Self {
+        let mut run = Self {
+            clock: Clock::start_drifting(options.clock_drift),
+            options,
+            started,
+            control,
+            slow: None,
+            events,
+            tally: Tally::new(),
+            rig: None,
+            line: None,
+            searching: None,
+            searching_since: started,
+            lost_at: None,
+            freshening: None,
+            refreshing: None,
+            refreshing_for: 0,
+            refresh_from: started,
+            revision: 0,
+            silence: Duration::ZERO,
+            gone: unbounded_channel(),
+            contact: (0, Contact::NotYet, started),
+            mode: Mode::Resting,
+            lookout: Lookout::default(),
+            is_leaving: false,
+        };
+        run.search();
+        // Opening Zenoh has taken a part of the wait.
+        run.searching_since = started;
+        run
+    }
+
+    /// Until the end that was asked for.
+    async fn attend(&mut self, until: &mut Until) -> Result<(), Failure> {
+        let mut read = steady(READ_EVERY);
+        let mut tell = steady(TELL_EVERY);
+        loop {
+            tokio::select! {
+                biased;
+                () = end(until) => return self.judge_the_end(*until.stop.borrow()),
+                welcome = finished(&mut self.searching) => {
+                    self.searching = None;
+                    let welcome = welcome
+                        .map_err(|source| Failure::Join { session: self.options.session.clone(), source })?;
+                    self.sit(welcome).await?;
+                }
+                reply = finished(&mut self.freshening) => {
+                    self.freshening = None;
+                    self.tell(match reply {
+                        Ok(FreshReply::Fresh { epoch }) => Event::FreshClay { epoch },
+                        Ok(FreshReply::Refused { reason }) | Err(reason) => Event::NoFreshClay { reason },
+                    });
+                }
+                Some(lease) = self.gone.1.recv() => self.on_server_gone(lease),
+                fresh = finished(&mut self.refreshing) => {
+                    self.refreshing = None;
+                    self.on_refreshed(fresh);
+                }
+                _ = read.tick() => self.read()?,
+                _ = tell.tick() => {
+                    let state = self.searching.is_some().then_some(State::Joining);
+                    let status = self.tally.status(self.started.elapsed(), state);
+                    self.tell(Event::Status(Box::new(status)));
+                }
+            }
+        }
+    }
+
+    /// Somebody's wish to end is always fine; time that ran out is not when there was no server at the end.
+    fn judge_the_end(&self, is_wished: bool) -> Result<(), Failure> {
+        if is_wished || self.searching.is_none() {
+            return Ok(());
+        }
+        Err(Failure::NoServer {
+            endpoint: self.options.connect.clone(),
+            session: self.options.session.clone(),
+            waited_s: self.searching_since.elapsed().as_secs_f64(),
+        })
+    }
+
+    /// Brings the handle to rest, says goodbye in frames, and gives the lease back.
+    async fn leave(&mut self) -> Result<(), Failure> {
+        let mut outcome = Ok(());
+        self.is_leaving = true;
+        if let Some(rig) = &mut self.rig {
+            // A full ring means a thread that has stopped: then there is nothing to bring to rest.
+            let _ = rig.ends.orders.push(Order::Leave);
+            outcome = self.read();
+            self.mode = Mode::Braking;
+            let enough = self.tally.ticks() + GOODBYES;
+            let patience = Instant::now() + REST_WITHIN;
+            let mut read = steady(READ_EVERY);
+            // The handle comes to rest and says goodbye whatever the fault; a thread that has ended cannot.
+            while matches!(outcome, Ok(()) | Err(Failure::Fault(_)))
+                && (self.mode != Mode::Resting || self.tally.ticks() < enough)
+                && Instant::now() < patience
+            {
+                read.tick().await;
+                let met = self.read();
+                outcome = outcome.and(met);
+            }
+        }
+        self.rig = None;
+        if let Some(line) = self.line.take() {
+            let Welcome { keys, granted } = &*line.welcome;
+            join::leave(&self.control, keys, granted.lease).await;
+        }
+        outcome
+    }
+
+    async fn close(self) {
+        if let Some((_, slow)) = &self.slow {
+            close(slow).await;
+        }
+        close(&self.control).await;
+    }
+
+    fn tell(&self, event: Event) {
+        // Whoever listened has gone: then nobody needs to know.
+        let _ = self.events.send(event);
+    }
+}
+
+fn steady(period: Duration) -> Interval {
+    let mut steady = interval(period);
+    steady.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    steady
+}
+
+async fn end(until: &mut Until) {
+    let deadline = until.deadline;
+    let time_is_over = async {
+        match deadline {
+            Some(deadline) => sleep_until(deadline).await,
+            None => std::future::pending().await,
+        }
+    };
+    let stop = &mut until.stop;
+    let wished = async {
+        // Whoever could wish has gone: the run goes on until its time is over.
+        if stop.wait_for(|stop| *stop).await.is_err() {
+            std::future::pending::<()>().await;
+        }
+    };
+    tokio::select! {
+        () = wished => {}
+        () = time_is_over => {}
+    }
+}
+
+/// Ready when the future in the slot is; never while the slot is empty.
+async fn finished<T>(slot: &mut Option<Pin<Box<dyn Future<Output = T> + Send>>>) -> T {
+    match slot {
+        Some(future) => future.await,
+        None => std::future::pending().await,
+    }
+}
+
+async fn close(session: &Session) {
+    // Either it closes in time or the end of the process does it.
+    let _ = timeout(CLOSE_WITHIN, async { session.close().await }).await;
+}

@@ -1,0 +1,248 @@
+//! What the tick has recorded, and what follows from it: what is told, what is fetched, and when a lease counts as lost.
+
+use std::time::Duration;
+
+use teleclay_bilateral::Contact;
+use tokio::time::Instant;
+
+use super::{Failure, Run};
+use crate::device::DeviceRequest;
+use crate::engine::{Order, Record};
+use crate::event::Event;
+use crate::join::{self, Welcome};
+use crate::refresh::{self, Fresh, Wishes};
+
+/// Without frames for this long a lease counts as lost. Shorter gaps mend themselves.
+const LOST_AFTER: Duration = Duration::from_secs(1);
+/// A copy of the clay goes on without frames, and what was cut since waits for the line: a new lease would give that up. The server holds a lease for
+/// 10 s of silence, so the old one is asked back for until shortly before.
+const LOST_ON_COPY_AFTER: Duration = Duration::from_secs(8);
+/// A server whose end is seen was heard shortly before: a tick's records wait 20 ms, and the network's delay may be as long as sessions allow.
+const HEARD_WITHIN: Duration = Duration::from_secs(1);
+
+impl Run {
+    /// Reads what the tick has recorded.
+    pub(super) fn read(&mut self) -> Result<(), Failure> {
+        let Some(rig) = &mut self.rig else {
+            return Ok(());
+        };
+        while rig.ends.discarded.pop().is_ok() {}
+        let is_finished = rig.ticker.is_finished();
+        let mut records = Vec::new();
+        while let Ok(record) = rig.ends.records.pop() {
+            records.push(record);
+        }
+        let failure = rig.ends.failures.pop().ok();
+        if let Some(line) = &self.line {
+            self.tally.observe(line);
+        }
+        self.write_down(&records);
+        let mut outcome = Ok(());
+        for record in &records {
+            let met = self.on_record(record);
+            outcome = outcome.and(met);
+        }
+        match failure {
+            Some(error) => Err(Failure::Device(error)),
+            None if is_finished => outcome.and(Err(Failure::ThreadEnded)),
+            None => outcome,
+        }
+    }
+
+    /// A recording that fails ends; the handle goes on.
+    fn write_down(&mut self, records: &[Record]) {
+        let Some(recording) = &mut self.options.recording else {
+            return;
+        };
+        let written = records
+            .iter()
+            .try_for_each(|record| recording.write(record))
+            .and_then(|()| recording.flush());
+        if let Err(error) = written {
+            self.options.recording = None;
+            let reason = error.to_string();
+            self.tell(Event::RecordingEnded { reason });
+        }
+    }
+
+    fn on_record(&mut self, record: &Record) -> Result<(), Failure> {
+        self.tally.add(record);
+        self.mode = record.mode;
+        if let Some(fault) = record.fault {
+            return Err(Failure::Fault(fault));
+        }
+        if let Some(robot) = &record.robot
+            && let Some(event) = self.lookout.watch(record.at_ns, robot)
+        {
+            self.tell(event);
+        }
+        if record.request == Some(DeviceRequest::FreshClay) {
+            let rounds = self.tally.on_round();
+            self.tell(Event::RoundFinished { rounds });
+            self.ask_for_fresh_clay();
+        }
+        if self.is_leaving {
+            // A server may stop speaking to whoever says goodbye.
+            return Ok(());
+        }
+        let is_current = self
+            .line
+            .as_ref()
+            .is_some_and(|line| line.welcome.granted.lease == record.lease);
+        if !is_current {
+            return Ok(());
+        }
+        self.silence = Duration::from_nanos(record.silence_ns);
+        self.on_contact(record);
+        self.refresh(record.lease, record.wishes);
+        let is_on_copy = matches!(record.contact, Contact::OnCopy | Contact::OnStaleCopy);
+        let lost_after = if is_on_copy {
+            LOST_ON_COPY_AFTER
+        } else {
+            LOST_AFTER
+        };
+        let is_lost = lost_after.as_nanos() < u128::from(record.silence_ns);
+        if is_lost && self.searching.is_none() {
+            self.lost_at.get_or_insert_with(Instant::now);
+            self.search();
+        }
+        Ok(())
+    }
+
+    /// Fetches what the tick wants to know, one thing after the other.
+    fn refresh(&mut self, lease: u32, wishes: Wishes) {
+        let wants_any = wishes.revision != self.revision || wishes.picture.is_some();
+        let (Some(line), Some((_, slow)), None, true) =
+            (&self.line, &self.slow, &self.refreshing, wants_any)
+        else {
+            return;
+        };
+        if Instant::now() < self.refresh_from {
+            return;
+        }
+        self.refreshing_for = lease;
+        self.refreshing = Some(Box::pin(refresh::refresh(
+            slow.clone(),
+            line.welcome.keys.clone(),
+            self.revision,
+            wishes,
+        )));
+    }
+
+    pub(super) fn on_refreshed(&mut self, fresh: Result<Fresh, String>) {
+        self.refresh_from = Instant::now() + refresh::PAUSE;
+        let lease = self.refreshing_for;
+        let Some(rig) = &mut self.rig else { return };
+        let orders = &mut rig.ends.orders;
+        let Fresh {
+            parameters,
+            picture,
+            took,
+        } = match fresh {
+            Ok(fresh) => fresh,
+            Err(reason) => return self.tell(Event::NotRefreshed { reason }),
+        };
+        // Orders that find no room are lost, and what they carried is asked for again: the tick goes on wanting it.
+        if let Some(changed) = parameters
+            && orders
+                .push(Order::Move {
+                    lease,
+                    workplace: changed.workplace,
+                    deadband: changed.deadband,
+                })
+                .is_ok()
+        {
+            self.revision = changed.revision;
+        }
+        let Some(picture) = picture else { return };
+        let epoch = picture.epoch;
+        if orders.push(Order::Show { lease, picture }).is_ok() {
+            self.tell(Event::Copied {
+                epoch,
+                took_s: took.as_secs_f64(),
+            });
+        }
+    }
+
+    /// The server's process has ended: the force goes, and another lease is asked for.
+    pub(super) fn on_server_gone(&mut self, lease: u32) {
+        let is_current = self
+            .line
+            .as_ref()
+            .is_some_and(|line| line.welcome.granted.lease == lease);
+        // A token also goes when Zenoh gives up a line that has long been silent. A process that dies is seen at once.
+        let was_heard = self.silence < HEARD_WITHIN;
+        if !is_current || self.is_leaving || !was_heard {
+            return;
+        }
+        if let Some(rig) = &mut self.rig {
+            // A full ring means a thread that has stopped: nothing is felt then.
+            let _ = rig.ends.orders.push(Order::Release { lease });
+        }
+        if self.searching.is_none() {
+            self.lost_at.get_or_insert_with(Instant::now);
+            self.tell(Event::ServerGone);
+            self.search();
+        }
+    }
+
+    fn on_contact(&mut self, record: &Record) {
+        let (lease, before, since) = self.contact;
+        if (lease, before) == (record.lease, record.contact) {
+            return;
+        }
+        let now = Instant::now();
+        self.contact = (record.lease, record.contact, now);
+        let was_lost = lease == record.lease
+            && matches!(
+                before,
+                Contact::Silent | Contact::OnCopy | Contact::OnStaleCopy | Contact::Gone
+            );
+        let was_held = lease == record.lease && matches!(before, Contact::Paused | Contact::Fault);
+        match record.contact {
+            // That the server has gone was told when it was seen.
+            Contact::NotYet | Contact::Gone => {}
+            Contact::Live => {
+                let after_s = (was_lost || was_held).then(|| (now - since).as_secs_f64());
+                if was_lost {
+                    self.lost_at = None;
+                }
+                let was_on_copy = matches!(before, Contact::OnCopy | Contact::OnStaleCopy);
+                self.tell(match after_s {
+                    Some(after_s) if was_on_copy => Event::Together { after_s },
+                    _ => Event::Live {
+                        lease: record.lease,
+                        after_s,
+                    },
+                });
+            }
+            Contact::Silent | Contact::OnCopy => {
+                self.lost_at.get_or_insert(now);
+                let silence_s = self
+                    .line
+                    .as_ref()
+                    .map_or(0.0, |line| line.welcome.granted.parameters.silence_s);
+                self.tell(if record.contact == Contact::Silent {
+                    Event::Silent { silence_s }
+                } else {
+                    Event::OnCopy { silence_s }
+                });
+            }
+            Contact::OnStaleCopy => self.tell(Event::OnStaleCopy),
+            Contact::Paused => self.tell(Event::Paused),
+            Contact::Fault => self.tell(Event::SessionFault),
+        }
+    }
+
+    fn ask_for_fresh_clay(&mut self) {
+        let (Some(line), Some((_, slow)), None) = (&self.line, &self.slow, &self.freshening) else {
+            return;
+        };
+        let Welcome { keys, granted } = &*line.welcome;
+        self.freshening = Some(Box::pin(join::fresh(
+            slow.clone(),
+            keys.clone(),
+            granted.lease,
+        )));
+    }
+}
