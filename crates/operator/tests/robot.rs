@@ -99,6 +99,46 @@ fn power_at_the_joints_is_power_at_the_hand() {
     }
 }
 
+/// Where the arm's mass is swung round, the servos push it as mechanics says: `tau = I rho_ddot + J^T (m X_ddot - f_0)`, with the joints' rates and the
+/// platform's places as they were, differentiated here. A term of the acceleration is the turning of `J`; the faster the figure, the more of it.
+#[test]
+fn an_arm_that_is_swung_round_weighs_on_the_joints_by_its_true_acceleration() {
+    const ARM_KG: f64 = 0.25;
+    let setup = RobotSetup::default();
+    let home = Vec3::from(setup.home_m);
+    let branch = setup.geometry.outward_branch(&home);
+    let mut robot = robot(Intent::Idle);
+    let (mut places, mut rates) = ([home; 2], Vec3::zeros());
+    let (mut worst, mut strongest, mut turning) = (0.0_f64, 0.0_f64, 0.0_f64);
+    for tick in 0..5_000 {
+        let sample = robot.sample();
+        let here = home + Vec3::from(sample.position_m);
+        robot.command(figure(4.0 * f64::from(tick) * TICK_S));
+        let state = robot.state();
+        let next = home + position(&robot);
+        let acceleration = (next - here * 2.0 + places[0]) / TICK_S.powi(2);
+        places = [here, places[0]];
+        let turned = Vec3::from(state.rates_rad_s);
+        let rate = (turned - std::mem::replace(&mut rates, turned)) / TICK_S;
+        let carried = Vec3::from(sample.velocity_m_s) * 2.0 + (here - home) * 6.0;
+        let posture = setup.geometry.posture(&here, branch).unwrap();
+        let of = |force: Vec3| posture.torques_n_m(&force).unwrap();
+        let wanted =
+            rate * ServoLimits::default().inertia_kg_m2 + of(acceleration * ARM_KG + carried);
+        if 100 < tick {
+            worst = worst.max((Vec3::from(state.torques_n_m) - wanted).norm());
+            strongest = strongest.max(wanted.norm());
+            let of_turning = posture.acceleration_m_s2(&turned, &Vec3::zeros()).unwrap();
+            turning = turning.max(of(of_turning * ARM_KG).norm());
+        }
+    }
+    println!(
+        "off by {worst:.2e} of {strongest:.3} N m, {turning:.2e} N m of it from the turning of J"
+    );
+    assert!(0.05 < turning, "too calm a figure to tell");
+    assert!(worst < 1e-3, "off by {worst} N m");
+}
+
 /// A tick's power is known to the half tick by which force and motion differ in it.
 const POWER_SLACK: f64 = 2e-3;
 
