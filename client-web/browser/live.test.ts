@@ -210,6 +210,8 @@ describe("the Live page", () => {
       const before = await canvas.screenshot();
       await until(`the ${plot} plot moves`, async () => 0.0005 < (await live.share(before, await canvas.screenshot())));
     }
+    await until("the other tool is in the picture", async () =>
+      (await live.page.getByTestId("drawn").getAttribute("data-others")) === "1");
     await live.keep("corrections");
     await show("demo");
   });

@@ -329,9 +329,10 @@ impl State {
                     let _ = self.findings.send(finding);
                 }
             }
+            let before = shared.last_record();
+            publish(shared, &before, &record);
+            tell_transitions(shared, &before, &record);
             let mut stats = shared.stats.lock().expect("no holder panics");
-            publish(shared, &stats.record, &record);
-            tell_transitions(shared, &stats.record, &record);
             stats.rtt.turn(now);
             stats.age.turn(now);
             let connected = record
@@ -454,5 +455,81 @@ fn replace(clay: &mut Clay, update: &BrickUpdate) {
     if let Err(error) = clay.replace_brick(index, view) {
         // The mirror has the engine's own grid, so this is a defect worth knowing.
         tracing::error!(%error, "a brick did not fit the mirror");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rtrb::RingBuffer;
+    use teleclay_clay::Shape;
+    use teleclay_proto::http::NewSession;
+
+    /// Tools come and go, as after a hiccup of the network, while others ask for one. Each of the two sides locks what the other has; had one of them two
+    /// locks at a time, this would stand still.
+    #[test]
+    fn joins_and_news_of_tools_never_wait_for_each_other_in_a_ring() {
+        const ROUNDS: u64 = 100_000;
+        let size_m = [0.01; 3];
+        let clay = Clay::new(&Shape::Block { size_m }, 1e-3).unwrap();
+        let shared = Arc::new(SessionShared::new(
+            1,
+            NewSession::new("joins".parse().unwrap()),
+            clay,
+        ));
+        let (mut records, sessions) = RingBuffer::new(1);
+        let (_bricks, bricks) = RingBuffer::new(1);
+        let mut state = State {
+            sources: Sources {
+                ticks: RingBuffer::new(1).1,
+                sessions,
+                discarded: RingBuffer::new(1).1,
+                notices: std::sync::mpsc::channel().1,
+            },
+            loop_stats: Arc::default(),
+            findings: tokio::sync::mpsc::unbounded_channel().0,
+            watched: vec![Watched {
+                shared: Arc::clone(&shared),
+                bricks,
+            }],
+            tick_rate: Rate::new(Instant::now()),
+            ticks: 0,
+        };
+        let (done, ended) = std::sync::mpsc::channel();
+        let done_too = done.clone();
+        let joining = Arc::clone(&shared);
+        std::thread::spawn(move || {
+            for lease in 0..ROUNDS as u32 {
+                let _ = joining.hold_place("Ada", lease);
+            }
+            done.send("joins").unwrap();
+        });
+        std::thread::spawn(move || {
+            for ticks in 0..ROUNDS {
+                let mut record = SessionRecord {
+                    session: 1,
+                    ticks,
+                    ..SessionRecord::default()
+                };
+                record.tools[0] = Some(ToolRecord {
+                    lease: 7,
+                    is_connected: ticks.is_multiple_of(2),
+                    has_left: false,
+                    silence_s: 0.0,
+                    view: teleclay_bilateral::ToolView::default(),
+                    coordination_m: 0.0,
+                    arrivals: teleclay_link::arrivals::ArrivalCounts::default(),
+                    rtt_s: None,
+                });
+                records.push(record).ok().unwrap();
+                state.take_sessions(Instant::now());
+            }
+            done_too.send("news").unwrap();
+        });
+        for _ in 0..2 {
+            let patience = Duration::from_secs(30);
+            println!("{} are through", ended.recv_timeout(patience).unwrap());
+        }
+        assert_eq!(shared.last_record().ticks, ROUNDS - 1);
     }
 }

@@ -15,7 +15,7 @@ use teleclay_proto::watch::{Level, TelemetrySample};
 use tokio::sync::broadcast;
 
 use crate::collector::{LoopStats, SessionStats};
-use crate::engine::{MAX_PLACES, TICK};
+use crate::engine::{MAX_PLACES, SessionRecord, TICK};
 use crate::state;
 
 /// Samples that a watcher may fall behind before it loses some: four seconds of one tool.
@@ -23,6 +23,8 @@ const SAMPLES_KEPT: usize = 1024;
 const EVENTS_KEPT: usize = 64;
 /// A lease ends this long after the last frame, s: long enough to plug a cable in again.
 const LEASE_S: f64 = 10.0;
+/// Silence after which another operator may take a tool over, s.
+const TAKEOVER_AFTER_S: f64 = 0.15;
 
 /// A sample of one tool, on its way to watchers.
 #[derive(Clone, Copy, Debug)]
@@ -84,6 +86,9 @@ impl Settings {
 }
 
 /// A session, shared by the API, Zenoh and the collector.
+///
+/// Nobody holds two of `settings`, `stats` and `mirror` at once, so none can wait for another in a ring. What has to change together changes under
+/// `changes`, which is taken first.
 pub(crate) struct SessionShared {
     pub(crate) id: SessionId,
     pub(crate) number: u32,
@@ -127,6 +132,25 @@ impl SessionShared {
 
     pub(crate) fn settings(&self) -> std::sync::MutexGuard<'_, Settings> {
         self.settings.lock().expect("no holder panics")
+    }
+
+    /// What the loop told last.
+    pub(crate) fn last_record(&self) -> SessionRecord {
+        self.stats.lock().expect("no holder panics").record
+    }
+
+    /// Gives a tool to an operator, if one can be had: the operator's own if it has fallen silent; else one that nobody holds; else any that has
+    /// fallen silent.
+    pub(crate) fn hold_place(&self, operator: &str, lease: u32) -> Option<usize> {
+        let record = self.last_record();
+        let mut settings = self.settings();
+        let place = place_for(operator, &settings.places, &record)?;
+        settings.places[place] = Some(Lease {
+            lease,
+            operator: operator.to_owned(),
+            granted: Instant::now(),
+        });
+        Some(place)
     }
 
     /// The session as the API shows it.
@@ -215,6 +239,26 @@ impl SessionShared {
             .filter(|held| held.lease == lease)?;
         Some(held.granted.elapsed())
     }
+}
+
+fn place_for(operator: &str, places: &[Option<Lease>], record: &SessionRecord) -> Option<usize> {
+    let is_silent = |place: usize, held: &Lease| {
+        let silent = record.tools[place].is_some_and(|tool| {
+            tool.lease == held.lease && !tool.is_connected && TAKEOVER_AFTER_S < tool.silence_s
+        });
+        // A fresh lease gets a second to send its first frame.
+        silent && Duration::from_secs(1) < held.granted.elapsed()
+    };
+    let silent = |of: Option<&str>| {
+        places.iter().enumerate().position(|(place, held)| {
+            held.as_ref().is_some_and(|held| {
+                of.is_none_or(|operator| operator == held.operator) && is_silent(place, held)
+            })
+        })
+    };
+    silent(Some(operator))
+        .or_else(|| places.iter().position(Option::is_none))
+        .or_else(|| silent(None))
 }
 
 /// Tools are numbered from 1.

@@ -46,13 +46,7 @@ export class ToolModel {
     this.#disposeGeometries();
     this.#tool.clear();
     this.#ghost.clear();
-    const body = size.kind === "ball"
-      ? new THREE.SphereGeometry(size.radius, 48, 32)
-      : new THREE.BoxGeometry(size.thickness, size.width, size.height).translate(0, 0, size.height / 2);
-    const top = size.kind === "ball" ? size.radius * 0.8 : size.height;
-    const thickness = size.kind === "ball" ? Math.max(size.radius * 0.28, 0.8) : Math.max(size.thickness * 0.9, 1.2);
-    const shaft = new THREE.CylinderGeometry(thickness, thickness, SHAFT_MM, 24)
-      .rotateX(Math.PI / 2).translate(0, 0, top + SHAFT_MM / 2);
+    const { body, shaft } = partsOf(size);
     const outline = size.kind === "ball" ? rings(size.radius) : new THREE.EdgesGeometry(body);
     this.#geometries = [body, shaft, outline];
     for (const [geometry, material] of [[body, this.#metal], [shaft, this.#dark]] as const) {
@@ -97,6 +91,18 @@ export class ToolModel {
     for (const geometry of this.#geometries) geometry.dispose();
     this.#geometries = [];
   }
+}
+
+/** What cuts, and what it is held by. */
+export function partsOf(size: ToolSize): { readonly body: THREE.BufferGeometry; readonly shaft: THREE.BufferGeometry } {
+  const body = size.kind === "ball"
+    ? new THREE.SphereGeometry(size.radius, 48, 32)
+    : new THREE.BoxGeometry(size.thickness, size.width, size.height).translate(0, 0, size.height / 2);
+  const top = size.kind === "ball" ? size.radius * 0.8 : size.height;
+  const thickness = size.kind === "ball" ? Math.max(size.radius * 0.28, 0.8) : Math.max(size.thickness * 0.9, 1.2);
+  const shaft = new THREE.CylinderGeometry(thickness, thickness, SHAFT_MM, 24)
+    .rotateX(Math.PI / 2).translate(0, 0, top + SHAFT_MM / 2);
+  return { body, shaft };
 }
 
 /** A bright room for metal to mirror. */

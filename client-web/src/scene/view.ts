@@ -8,10 +8,11 @@ import { Arrow } from "./arrow";
 import { type BlockDescription, ClayMesh } from "./clay_mesh";
 import { Finish } from "./finish";
 import type { StageColours } from "./ground";
+import { OtherTools } from "./other_tools";
 import { COARSEST, DISPLAY, Pace, PROCESSOR } from "./pace";
 import { contextOf, processorDraws, type Quality } from "./quality";
 import { Stage } from "./stage";
-import { SHAFT_MM, ToolModel } from "./tool_model";
+import { SHAFT_MM, ToolModel, type ToolSize } from "./tool_model";
 import { Trail } from "./trail";
 
 export interface ViewColours extends StageColours {
@@ -56,6 +57,7 @@ export class ClayView {
   readonly #stage: Stage;
   readonly #clay: ClayMesh;
   readonly #tool: ToolModel;
+  readonly #others = new OtherTools();
   readonly #toolForce = new Arrow();
   readonly #feltForce = new Arrow();
   readonly #trail = new Trail();
@@ -78,6 +80,7 @@ export class ClayView {
   #look: Look | undefined = "corner";
   #posed: readonly number[] = [Number.NaN];
   #trailed: readonly number[] = [];
+  #placed: readonly number[] = [];
 
   /** `wanted` fixes the quality, whatever the machine makes of it. Throws when the browser has no WebGL 2. */
   constructor(canvas: HTMLCanvasElement, wanted: Quality | undefined) {
@@ -104,7 +107,7 @@ export class ClayView {
     this.#orbit.listenToKeyEvents(canvas);
     this.#orbit.addEventListener("change", this.#onMove);
     this.#orbit.addEventListener("start", this.#onGrab);
-    this.#scene.add(this.#stage.group, this.#clay.mesh, this.#tool.group, this.#trail.line);
+    this.#scene.add(this.#stage.group, this.#clay.mesh, this.#tool.group, this.#others.group, this.#trail.line);
     this.#scene.add(this.#toolForce.group, this.#feltForce.group);
     this.look("corner");
   }
@@ -136,9 +139,12 @@ export class ClayView {
 
   setTool(shape: ToolShape): void {
     const mm = (metres: number): number => metres * MM_PER_M;
-    this.#tool.setSize(shape.kind === "ball"
+    const size: ToolSize = shape.kind === "ball"
       ? { kind: "ball", radius: mm(shape.radius_m) }
-      : { kind: "blade", width: mm(shape.width_m), height: mm(shape.height_m), thickness: mm(shape.thickness_m) });
+      : { kind: "blade", width: mm(shape.width_m), height: mm(shape.height_m), thickness: mm(shape.thickness_m) };
+    this.#tool.setSize(size);
+    this.#others.setSize(size);
+    this.#placed = [Number.NaN];
     this.#cutting_mm = shape.kind === "ball" ? 0 : mm(shape.height_m) / 2;
     this.#grip_mm = (shape.kind === "ball" ? mm(shape.radius_m) : mm(shape.height_m)) + 0.7 * SHAFT_MM;
     this.#touch();
@@ -166,6 +172,20 @@ export class ClayView {
     this.#toolForce.point(tool, force, force.length() * mm_per_n);
     force.set(...pose.feltForce_n);
     this.#feltForce.point(handle, force, force.length() * mm_per_n);
+  }
+
+  /** Where the tools of others are, m. Places that are the last ones cost nothing. */
+  setOthers(places_m: readonly Vector[]): void {
+    const now = places_m.flat();
+    if (isSame(now, this.#placed)) return;
+    this.#placed = now;
+    this.#others.place(places_m);
+    this.#touch();
+  }
+
+  /** How many tools of others are on show. */
+  get others(): number {
+    return this.#others.count;
   }
 
   /** Where the tool has been: x, y, z in m one after the other, oldest first. */
@@ -235,7 +255,7 @@ export class ClayView {
   dispose(): void {
     this.#finish?.dispose();
     this.#orbit.dispose();
-    for (const owner of [this.#stage, this.#clay, this.#tool, this.#toolForce, this.#feltForce, this.#trail]) owner.dispose();
+    for (const owner of [this.#stage, this.#clay, this.#tool, this.#others, this.#toolForce, this.#feltForce, this.#trail]) owner.dispose();
     this.#renderer.dispose();
   }
 

@@ -412,6 +412,11 @@ impl Rig {
         &self.hands[0].handle
     }
 
+    /// The first handle side, to tell it of other parameters.
+    pub fn handle_mut(&mut self) -> &mut HandleSide {
+        &mut self.hands[0].handle
+    }
+
     /// The handle side of an operator.
     pub fn handle_of(&self, place: usize) -> &HandleSide {
         &self.hands[place].handle

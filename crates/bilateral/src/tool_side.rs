@@ -72,6 +72,7 @@ pub struct ToolSide {
     clay_force: Vec3,
     lift: f64,
     watchdog: Watchdog,
+    first_step: Option<Timestamp>,
     permission_gain: f64,
     arrivals: Arrivals,
     round_trip: RoundTrip,
@@ -121,6 +122,7 @@ impl ToolSide {
             clay_force: Vec3::zeros(),
             lift: 0.0,
             watchdog: Watchdog::new(model.watchdog),
+            first_step: None,
             permission_gain: 0.0,
             arrivals: Arrivals::default(),
             round_trip: RoundTrip::default(),
@@ -163,7 +165,7 @@ impl ToolSide {
 
     fn expect_gaps(&mut self) {
         let longest = self.deadband.as_ref().map(Deadband::heartbeat);
-        self.end.expect_gaps(longest);
+        self.end.expect_gaps(longest, self.seen.handle_velocity());
     }
 
     /// A frame came from the handle side. Frames under another lease are not ours; older ones are counted, and shown to a scheme that
@@ -225,6 +227,7 @@ impl ToolSide {
         material: &Material,
         permission: Permission,
     ) -> ToolStep {
+        self.first_step.get_or_insert(now);
         let tick_s = self.model.tick_s();
         let status = self.status(permission);
         let gain = self.gain(now, permission);
@@ -370,11 +373,11 @@ impl ToolSide {
         self.left
     }
 
-    /// Time since the last frame, or since the start if none came.
+    /// Time since the last frame, or since the first tick if none came.
     pub fn silence_s(&self, now: Timestamp) -> f64 {
-        self.watchdog
-            .age(now)
-            .map_or(now.as_secs_f64(), |age| age.as_secs_f64())
+        let since_start = || self.first_step.map(|first| now.since(first));
+        let silence = self.watchdog.age(now).or_else(since_start);
+        silence.unwrap_or_default().as_secs_f64()
     }
 
     /// Lease under which this tool works.

@@ -63,6 +63,11 @@ impl Seen {
         Vec3::from(self.view.handle_position_m)
     }
 
+    /// The handle's velocity as last received, m/s.
+    pub(crate) fn handle_velocity(&self) -> Vec3 {
+        Vec3::from(self.view.handle_velocity_m_s)
+    }
+
     /// The newest frame of the handle. It stands for `longest_s` of silence before it at most.
     pub(crate) fn on_frame(&mut self, frame: &HandleFrame, longest_s: f64) {
         let felt = Vec3::from(frame.felt_force_n);

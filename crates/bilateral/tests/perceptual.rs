@@ -239,6 +239,84 @@ fn position_force_bridges_what_is_left_out_without_a_blow() {
     );
 }
 
+/// The share is changed while the tool cuts, at the tool's side first: the handle hears of it a delay later, and asks for it, and leaves frames out
+/// until then. The tool goes on as if nothing had been said. So it does where the same is said again.
+#[test]
+fn changing_the_deadband_of_position_force_does_not_move_the_tool() {
+    for (from, to) in [(0.07, 0.0), (0.07, 0.07), (0.2, 0.02), (0.0, 0.07)] {
+        for (delay_ms, heard_ms) in [(0, 1), (20, 60), (100, 300)] {
+            let case = format!("{from} to {to}, heard of after {heard_ms} ms");
+            let parameters = LoopParameters {
+                deadband: from,
+                ..running(Scheme::PositionForce)
+            };
+            let mut rig = embedded(
+                parameters,
+                stroke(),
+                viscous(CLAY_PA_S_PER_M / 4.0),
+                both_ways(line(delay_ms, 0.0, 0.0), 1),
+            );
+            rig.run_for(Duration::from_millis(800));
+            let before = Vec3::from(rig.tool().view().velocity_m_s);
+            let mut last = before;
+            let mut roughest = 0.0_f64;
+            for ms in 0..450 {
+                if ms == 0 {
+                    let revision = rig.session().turn().since_revision + 1;
+                    rig.session_mut().set_deadband(to, revision).unwrap();
+                }
+                if ms == heard_ms {
+                    rig.handle_mut().set_deadband(to).unwrap();
+                }
+                rig.tick();
+                let velocity = Vec3::from(rig.tool().view().velocity_m_s);
+                roughest = roughest.max((velocity - last).norm());
+                last = velocity;
+            }
+            println!(
+                "{case}: steps of {roughest:.5} m/s at {:.4} m/s",
+                before.norm()
+            );
+            assert!(0.01 < before.norm(), "{case}: hardly moved");
+            assert!(roughest < 0.1 * before.norm(), "{case}: {roughest} m/s");
+            let [up, _] = rig.frames_sent();
+            rig.run_for(Duration::from_secs(1));
+            let sent = rig.frames_sent()[0] - up;
+            let wanted = if to == 0.0 { 1000..=1000 } else { 50..=200 };
+            assert!(wanted.contains(&sent), "{case}: {sent} frames in a second");
+            if to == 0.0 {
+                // And it is the plain scheme again: the tool stands where the last frame has the hand.
+                rig.hold_handles_fast();
+                rig.run_for(Duration::from_millis(u64::from(delay_ms) + 3));
+                let apart_m = rig.tool().coordination_m();
+                assert!(apart_m < 1e-9, "{case}: {apart_m} m");
+            }
+        }
+    }
+}
+
+/// Likewise where the scheme comes in with a deadband that is there already: it goes on at the speed told last, although the next frame is a while off.
+#[test]
+fn position_force_takes_over_a_moving_tool_with_frames_left_out() {
+    let mut rig = sparing(embedded(
+        running(Scheme::Tdpa),
+        stroke(),
+        viscous(CLAY_PA_S_PER_M / 4.0),
+        both_ways(line(20, 0.0, 0.0), 1),
+    ));
+    rig.run_for(Duration::from_millis(800));
+    let speed = norm(rig.tool().view().velocity_m_s);
+    rig.change_scheme(Scheme::PositionForce);
+    let mut slowest = speed;
+    for _ in 0..40 {
+        rig.tick();
+        slowest = slowest.min(norm(rig.tool().view().velocity_m_s));
+    }
+    println!("{slowest:.4} m/s of {speed:.4}");
+    assert!(0.01 < speed, "hardly moved");
+    assert!(0.8 * speed < slowest);
+}
+
 /// A fresh block is no news of the hand: the tool is where the hand is, at once and not over the next gap.
 #[test]
 fn position_force_begins_at_the_hand_on_a_fresh_block_with_frames_left_out() {

@@ -2,7 +2,7 @@
 
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex, Weak};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use teleclay_bilateral::{FreshBlock, ParameterError, ToolSide, workplace};
 use teleclay_clay::Clay;
@@ -20,10 +20,7 @@ use super::orders::{ChangeError, ORDER_TIMEOUT};
 use crate::collector::LoopStats;
 use crate::convert;
 use crate::engine::{Order, SessionRecord, TICK};
-use crate::session::{Event, Lease, Mirror, Sample, SessionShared, parameters, tool_id};
-
-/// Silence after which another operator may take a tool over, s.
-const TAKEOVER_AFTER_S: f64 = 0.15;
+use crate::session::{Event, Mirror, Sample, SessionShared, parameters, tool_id};
 
 /// A session that is there.
 #[derive(Clone)]
@@ -54,6 +51,7 @@ impl Live {
     pub async fn patch(&self, patch: SessionPatch) -> Result<Session, ChangeError> {
         patch.validate().map_err(ChangeError::Field)?;
         let _one_at_a_time = self.shared.changes.lock().await;
+        self.still_there()?;
         let session = self.shared.number;
         if let Some(scheme) = patch.scheme {
             let revision = {
@@ -120,6 +118,7 @@ impl Live {
             .await?;
             self.shared.settings().is_paused = paused;
         }
+        self.still_there()?;
         Ok(self.state())
     }
 
@@ -130,6 +129,7 @@ impl Live {
     pub async fn reset(&self, reset: ClayReset) -> Result<Session, ChangeError> {
         reset.validate().map_err(ChangeError::Field)?;
         let _one_at_a_time = self.shared.changes.lock().await;
+        self.still_there()?;
         let mut spec = self.shared.settings().spec.clone();
         if let Some(shape) = reset.shape {
             spec.clay.shape = shape;
@@ -180,6 +180,7 @@ impl Live {
         .await?;
         self.shared.tell(Level::Info, "a fresh block".to_owned());
         self.record_of_epoch(clay_epoch).await;
+        self.still_there()?;
         Ok(self.state())
     }
 
@@ -213,6 +214,15 @@ impl Live {
                 .get(&self.shared.id)
                 .is_some_and(|entry| entry.live.shared.number == self.shared.number)
         })
+    }
+
+    /// Whether a change of it is one. An order about a session that was deleted is carried out by doing nothing.
+    fn still_there(&self) -> Result<(), ChangeError> {
+        if self.is_there() {
+            Ok(())
+        } else {
+            Err(ChangeError::Gone)
+        }
     }
 
     pub(crate) fn loop_parameters(&self) -> LoopParameters {
@@ -266,36 +276,25 @@ impl Live {
         request: &JoinRequest,
         inner: &Inner,
     ) -> Result<Granted, (RefusalCode, String)> {
-        if let Some(field) = self
-            .shared
-            .stats
-            .lock()
-            .expect("no holder panics")
-            .record
-            .fault
-        {
+        // From the parameters that the tool is made with to its seat: nobody changes them meanwhile.
+        let _one_at_a_time = self.shared.changes.lock().await;
+        if let Some(field) = self.shared.last_record().fault {
             let reason =
                 format!("the session is in fault ({field} is not finite); a fresh block ends it");
             return Err((RefusalCode::Fault, reason));
         }
         let lease = inner.next_lease.fetch_add(1, Ordering::Relaxed);
-        let (place, loop_parameters, spec) = {
-            let mut settings = self.shared.settings();
-            let Some(place) = self.place_for(&request.operator, &settings.places) else {
-                let reason = format!(
-                    "all {} tools of session `{}` are held",
-                    settings.places.len(),
-                    self.shared.id
-                );
-                return Err((RefusalCode::NoFreeTool, reason));
-            };
-            let operator = request.operator.clone();
-            settings.places[place] = Some(Lease {
-                lease,
-                operator,
-                granted: Instant::now(),
-            });
-            (place, settings.parameters, settings.spec.clay.clone())
+        let Some(place) = self.shared.hold_place(&request.operator, lease) else {
+            let reason = format!(
+                "all {} tools of session `{}` are held",
+                self.shared.settings().places.len(),
+                self.shared.id
+            );
+            return Err((RefusalCode::NoFreeTool, reason));
+        };
+        let (loop_parameters, spec) = {
+            let settings = self.shared.settings();
+            (settings.parameters, settings.spec.clay.clone())
         };
         let unavailable = |reason: String| (RefusalCode::ShuttingDown, reason);
         let side = ToolSide::new(&loop_parameters, lease)
@@ -328,28 +327,6 @@ impl Live {
         })
     }
 
-    /// The operator's own place if it has fallen silent; else one that nobody holds; else any that has fallen silent.
-    fn place_for(&self, operator: &str, places: &[Option<Lease>]) -> Option<usize> {
-        let stats = self.shared.stats.lock().expect("no holder panics");
-        let is_silent = |place: usize, held: &Lease| {
-            let silent = stats.record.tools[place].is_some_and(|tool| {
-                tool.lease == held.lease && !tool.is_connected && TAKEOVER_AFTER_S < tool.silence_s
-            });
-            // A fresh lease gets a second to send its first frame.
-            silent && Duration::from_secs(1) < held.granted.elapsed()
-        };
-        let silent = |of: Option<&str>| {
-            places.iter().enumerate().position(|(place, held)| {
-                held.as_ref().is_some_and(|held| {
-                    of.is_none_or(|operator| operator == held.operator) && is_silent(place, held)
-                })
-            })
-        };
-        silent(Some(operator))
-            .or_else(|| places.iter().position(Option::is_none))
-            .or_else(|| silent(None))
-    }
-
     async fn order(&self, order: Order) -> Result<(), ChangeError> {
         let inner = self.directory.upgrade().ok_or(ChangeError::Gone)?;
         inner.order(order).await
@@ -367,7 +344,7 @@ impl Live {
     async fn until(&self, holds: impl Fn(&SessionRecord) -> bool) {
         let started = Instant::now();
         while started.elapsed() < ORDER_TIMEOUT {
-            if holds(&self.shared.stats.lock().expect("no holder panics").record) {
+            if holds(&self.shared.last_record()) {
                 return;
             }
             tokio::time::sleep(TICK * 4).await;

@@ -320,3 +320,109 @@ impl Inner {
         self.scheduler.get().map_or("not known yet", String::as_str)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::atomic::AtomicBool;
+    use std::time::Instant;
+
+    use teleclay_proto::Scheme;
+    use teleclay_proto::http::SessionPatch;
+    use teleclay_shell::Clock;
+    use teleclay_shell::ticker::Tick;
+
+    use crate::collector::{Collector, Sources};
+    use crate::engine::Engine;
+
+    /// Operators join just while somebody changes the scheme. Whichever comes first, the tool works with the session's scheme in the end.
+    #[test]
+    fn a_tool_that_is_seated_during_a_change_has_the_change() {
+        const ROUNDS: u32 = 150;
+        let (mut engine, ends) = Engine::new(Clock::start());
+        let (notices, notices_out) = std::sync::mpsc::channel();
+        let loop_stats = Arc::<Mutex<LoopStats>>::default();
+        let sources = Sources {
+            ticks: ends.ticks,
+            sessions: ends.sessions,
+            discarded: ends.discarded,
+            notices: notices_out,
+        };
+        let findings = tokio::sync::mpsc::unbounded_channel().0;
+        let _collector = Collector::spawn(sources, Arc::clone(&loop_stats), findings).unwrap();
+        let directory = Directory::new(Parts {
+            orders: ends.orders,
+            shared: ends.shared,
+            loop_stats,
+            notices,
+            token: None,
+            slow_endpoint: None,
+        });
+        // The tick, as fast as it goes, and the newest frame that left it.
+        let (mut outgoing, newest) = (ends.outgoing, Arc::new(Mutex::new((0, Scheme::Wave))));
+        let stop = Arc::new(AtomicBool::new(false));
+        let (seen, asked_to_stop) = (Arc::clone(&newest), Arc::clone(&stop));
+        let ticking = std::thread::spawn(move || {
+            for number in 0.. {
+                if asked_to_stop.load(Ordering::Relaxed) {
+                    return;
+                }
+                let lateness = Duration::ZERO;
+                engine.tick(Tick {
+                    number,
+                    lateness,
+                    given_up: 0,
+                });
+                while let Ok(out) = outgoing.pop() {
+                    *seen.lock().unwrap() = (out.frame.header.lease, out.frame.header.scheme);
+                }
+                std::thread::sleep(Duration::from_micros(100));
+            }
+        });
+        let runtime = tokio::runtime::Builder::new_multi_thread()
+            .worker_threads(2)
+            .enable_all()
+            .build()
+            .unwrap();
+        runtime.block_on(async {
+            let mut new = NewSession::new(id());
+            new.scheme = Scheme::Tdpa;
+            directory.create(new).await.unwrap();
+            let live = directory.session(&id()).unwrap();
+            for round in 0..ROUNDS {
+                let scheme = [Scheme::Wave, Scheme::Tdpa][round as usize % 2];
+                let patch = SessionPatch {
+                    scheme: Some(scheme),
+                    ..SessionPatch::default()
+                };
+                let request = JoinRequest {
+                    protocol: PROTOCOL,
+                    operator: "Ada".to_owned(),
+                    token: None,
+                    device: "none".to_owned(),
+                };
+                let (joining, changing) = (directory.clone(), live.clone());
+                let joined = tokio::spawn(async move { joining.join(&id(), &request).await });
+                let changed = tokio::spawn(async move { changing.patch(patch).await });
+                let lease = joined.await.unwrap().unwrap().lease;
+                changed.await.unwrap().unwrap();
+                let began = Instant::now();
+                while *newest.lock().unwrap() != (lease, scheme) {
+                    let last = *newest.lock().unwrap();
+                    assert!(
+                        began.elapsed() < Duration::from_secs(5),
+                        "round {round}: {last:?}, wanted {scheme}"
+                    );
+                    tokio::task::yield_now().await;
+                }
+                live.end_lease(0, lease, "left").await;
+            }
+        });
+        stop.store(true, Ordering::Relaxed);
+        ticking.join().unwrap();
+    }
+
+    fn id() -> SessionId {
+        "joins".parse().unwrap()
+    }
+}

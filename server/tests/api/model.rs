@@ -163,3 +163,19 @@ fn fresh_blocks_that_are_put_at_once_are_never_mixed_up() {
     assert_eq!(last.epoch, 1 + 2 * BLOCKS);
     site.delete(&path);
 }
+
+/// A session is deleted while a large block for it is being made: whoever asked for that is told that the session is gone, and is not shown one.
+#[test]
+fn a_change_of_a_session_that_is_deleted_meanwhile_is_refused() {
+    let rig = shared();
+    let site = rig.site();
+    let id = rig.session(&site);
+    let path = format!("/api/v1/sessions/{id}");
+    let large = json!({ "shape": { "kind": "block", "size_m": [0.256, 0.256, 0.128] } });
+    std::thread::scope(|scope| {
+        let changing = scope.spawn(|| site.post(&format!("{path}/clay/reset"), &large));
+        assert_eq!(site.delete(&path).status, 204);
+        let answer = changing.join().unwrap();
+        assert_eq!(answer.status, 404, "{answer:?}");
+    });
+}

@@ -162,11 +162,12 @@ fn what_one_hand_cuts_moves_the_force_of_the_other_gently_and_the_server_tells()
             "network": {"up": {"delay_s": 0.04}, "down": {"delay_s": 0.04}},
         }))
         .unwrap();
-    let mut hands = ["Ada", "Bob"].map(|name| {
+    let hands = ["Ada", "Bob"].map(|name| {
         let waypoints = strokes(if name == "Ada" { 1.0 } else { -1.0 });
         let flags = ["--intent", "trajectory", "--waypoints", &waypoints];
         let options = HandleOptions::new(&server.endpoint()).in_session("both");
-        Handle::start(&options.by(name).with(&flags)).unwrap()
+        let hand = Handle::start(&options.by(name).with(&flags)).unwrap();
+        (name, hand)
     });
     client
         .session_when("both", "corrections of both copies", PATIENCE, |session| {
@@ -175,7 +176,9 @@ fn what_one_hand_cuts_moves_the_force_of_the_other_gently_and_the_server_tells()
         .unwrap();
     client.patch("both", &json!({"paused": true})).unwrap();
     let told = client.let_pass("both", 1000).unwrap().tools;
-    for (hand, tool) in hands.iter_mut().zip(told) {
+    for (name, mut hand) in hands {
+        // Whoever came first holds the first tool.
+        let tool = told.iter().find(|tool| tool.operator == name).unwrap();
         assert!(hand.process.end().unwrap().success());
         let rows = hand.ticks().unwrap();
         let steps = rows
@@ -183,7 +186,7 @@ fn what_one_hand_cuts_moves_the_force_of_the_other_gently_and_the_server_tells()
             .map(|pair| pair[1].correction_moved_n - pair[0].correction_moved_n);
         let largest_n = steps.fold(0.0, f64::max);
         let corrections = tool.corrections;
-        println!("{}: {corrections:?}", tool.operator);
+        println!("{name}: {corrections:?}");
         let last = rows.last().unwrap();
         assert_eq!(corrections.moved_n, last.correction_moved_n);
         assert!((corrections.largest_step_n - largest_n).abs() < 1e-6);

@@ -11,7 +11,7 @@ import { clayFeed, live } from "../store";
 import { isDark } from "../theme";
 import { arrowScale } from "./arrow_scale";
 import { Forces } from "./forces";
-import { blockOf, poseOf } from "./moment";
+import { blockOf, othersOf, poseOf } from "./moment";
 import { SituationCard } from "./situation";
 
 const TRAIL_S = 4;
@@ -22,7 +22,7 @@ export function ClayPanel(): JSX.Element {
   const view = useRef<ClayView | undefined>(undefined);
   const missing = useSignal<string | undefined>(undefined);
   const mm_per_n = useSignal(10);
-  const drawn = useSignal({ frames_per_s: 0, triangles: 0, resolution: 1 });
+  const drawn = useSignal({ frames_per_s: 0, triangles: 0, resolution: 1, others: 0 });
 
   useEffect(() => {
     if (canvas.current === null) return undefined;
@@ -77,7 +77,7 @@ export function ClayPanel(): JSX.Element {
       </div>
       <div class="scale">
         <ArrowKey mm_per_n={mm_per_n.value} />
-        <span class="faint" data-testid="drawn" data-frames={drawn.value.frames_per_s} data-triangles={drawn.value.triangles}>
+        <span class="faint" data-testid="drawn" data-frames={drawn.value.frames_per_s} data-triangles={drawn.value.triangles} data-others={drawn.value.others}>
           {drawn.value.frames_per_s} fps{drawn.value.resolution < 0.99 ? ` at ${Math.round(drawn.value.resolution * 100)} %` : ""}
         </span>
       </div>
@@ -113,7 +113,7 @@ function followSize(canvas: HTMLCanvasElement, view: ClayView): () => void {
 function followLoop(
   view: ClayView,
   mm_per_n: Signal<number>,
-  drawn: Signal<{ frames_per_s: number; triangles: number; resolution: number }>,
+  drawn: Signal<{ frames_per_s: number; triangles: number; resolution: number; others: number }>,
 ): () => void {
   /** The moment on show; nothing while there is no tool to show. */
   let shown_s: number | undefined = Number.NaN;
@@ -130,12 +130,13 @@ function followLoop(
       shown_s = wanted_s;
       mm_per_n.value = arrowScale(history.greatest(Channel.tool_force_n, 10), history.greatest(Channel.felt_force_n, 10));
       view.setPose(shows ? poseOf(session, tool, history, time_s) : undefined, mm_per_n.value);
+      view.setOthers(shows ? othersOf(session, tool, (id) => live.historyOf(id), time_s) : []);
       view.setTrail(shows ? history.path(Channel.tool_position_m, time_s, TRAIL_S, TRAIL_STEP_S) : []);
     }
     if (view.draw(now_ms)) frames += 1;
     if (Math.floor(now_ms / 1000) !== second) {
       second = Math.floor(now_ms / 1000);
-      drawn.value = { frames_per_s: frames, triangles: view.triangles, resolution: view.resolution };
+      drawn.value = { frames_per_s: frames, triangles: view.triangles, resolution: view.resolution, others: view.others };
       frames = 0;
     }
   });

@@ -1,13 +1,30 @@
 import { describe, expect, it } from "vitest";
+import { CHANNELS, Channel } from "../../protocol/telemetry";
 import { fakeSession } from "../../state/fake_session";
+import { History } from "../../state/history";
 import { arrowScale } from "./arrow_scale";
-import { blockOf, inClay } from "./moment";
+import { blockOf, inClay, othersOf } from "./moment";
 
 describe("a moment", () => {
   it("puts the handle where it would have the tool", () => {
     const session = fakeSession({ position_ratio: 0.5 });
     const tool = { ...session.tools[0], home_m: [0, 0.032, 0.01] as [number, number, number] };
     expect(inClay(session, tool, [0.02, -0.01, 0])).toEqual([0.01, 0.027, 0.01]);
+  });
+
+  it("knows where the tools of others are, from telemetry where there is any, and leaves out whoever has gone", () => {
+    const one = fakeSession().tools[0];
+    const tools = [1, 2, 3, 4].map((id) => ({ ...one, id, connected: id !== 4, position_m: [id, 0, 0] as [number, number, number] }));
+    const session = fakeSession({ tools });
+    const told = new History();
+    const values = new Float32Array(2 * CHANNELS);
+    values.set([0.5, 0.25, 0.125], Channel.tool_position_m);
+    values.set([0.75, 0.25, 0.125], CHANNELS + Channel.tool_position_m);
+    told.append({ sequence: 0, tool: 3, period_us: 1000, dropped: 0, first_time_s: 7, values });
+    const places = othersOf(session, session.tools[0], (id) => (id === 3 ? told : new History()), 7.0005);
+    expect(places[0]).toEqual([2, 0, 0]);
+    expect(places[1][0]).toBeCloseTo(0.625, 6);
+    expect(places.length).toBe(2);
   });
 
   it("knows the faces of a fresh block", () => {

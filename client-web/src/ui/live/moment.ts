@@ -23,6 +23,14 @@ export function poseOf(session: Session, tool: ToolState, history: History, time
   };
 }
 
+/** Where the tools are that others hold, m. */
+export function othersOf(session: Session, tool: ToolState, historyOf: (tool: number) => History, time_s: number): Vector[] {
+  return session.tools.filter(({ id, connected }) => connected && id !== tool.id).map(({ id, position_m }) => {
+    const history = historyOf(id);
+    return history.isEmpty ? position_m : history.vectorAt(Channel.tool_position_m, time_s);
+  });
+}
+
 /** Where a handle position puts the tool, in the clay's frame. */
 export function inClay(session: Session, tool: ToolState, handle_m: Vector): Vector {
   const { home_m } = tool;

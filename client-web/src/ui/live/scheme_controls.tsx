@@ -69,7 +69,7 @@ function CorrectionsLine({ count: corrections, largest_step_n, injected_j, tank_
       class="faint says"
       data-testid="corrections"
       data-count={corrections}
-      title="What others cut comes in a delay late. The force follows in bounded steps, and only with energy that this hand has spent on cutting."
+      title="What others cut comes in a delay late. The force follows in bounded steps, as long as the energy that this takes was spent on cutting by this hand before; otherwise at once."
     >
       {corrections === 0
         ? "Nothing had to be corrected under the tool."

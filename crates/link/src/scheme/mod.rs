@@ -164,8 +164,9 @@ pub trait ToolEnd: Send {
         None
     }
 
-    /// From now on the handle leaves frames out, for so long at most; `None`: it sends one every tick.
-    fn expect_gaps(&mut self, _longest: Option<Duration>) {}
+    /// From now on the handle is told to leave frames out, for so long at most; `None`: to send one every tick. `velocity` is the handle's as last
+    /// received, m/s.
+    fn expect_gaps(&mut self, _longest: Option<Duration>, _velocity: Vec3) {}
 
     /// Where the tool should be one tick later, m. `remote_gain` is the watchdog's, 0 to 1; it scales whatever the scheme makes of
     /// old news.

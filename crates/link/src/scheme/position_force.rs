@@ -66,6 +66,14 @@ pub struct PositionForceTool {
     tick_s: f64,
     handle_position: Vec3,
     bridge: Option<Bridge>,
+    /// Whether the handle is told to leave frames out.
+    expects_gaps: bool,
+    /// The longest that it was ever told to, s; nothing where it never was.
+    gap_s: Option<f64>,
+    /// Number of the newest frame and when it was sent, ns; nothing before the first.
+    newest: Option<(u32, u64)>,
+    /// For how long nothing has been left out, s.
+    unbroken_s: f64,
 }
 
 impl PositionForceTool {
@@ -76,41 +84,80 @@ impl PositionForceTool {
             tick_s: coupling.tick_s,
             handle_position: Vec3::zeros(),
             bridge: None,
+            expects_gaps: false,
+            gap_s: None,
+            newest: None,
+            unbroken_s: 0.0,
         }
+    }
+
+    /// Frames are numbered as they are sent: between two of them more ticks than numbers have passed where some were left out, and as many where some
+    /// were lost. A thread that woke late is no gap.
+    fn look_for_a_gap(&mut self, frame: &HandleFrame) -> bool {
+        let (sequence, sent_ns) = (frame.header.sequence, frame.header.sent_ns);
+        let Some((before, before_ns)) = self.newest.replace((sequence, sent_ns)) else {
+            return false;
+        };
+        let passed_s = sent_ns.saturating_sub(before_ns) as f64 * 1e-9;
+        let numbered_s = f64::from(sequence.wrapping_sub(before)) * self.tick_s;
+        let is_gap = numbered_s + 1.5 * self.tick_s < passed_s;
+        self.unbroken_s = if is_gap {
+            0.0
+        } else {
+            self.unbroken_s + passed_s
+        };
+        is_gap
     }
 }
 
 impl ToolEnd for PositionForceTool {
+    /// What the handle does decides about the bridge, not what it was told: it hears of that a delay later.
     fn on_frame(&mut self, _now: Timestamp, frame: &HandleFrame) {
+        let is_gap = self.look_for_a_gap(frame);
+        if is_gap && self.bridge.is_none() {
+            self.bridge = self
+                .gap_s
+                .map(|gap_s| Bridge::from(self.handle_position, gap_s));
+        }
         self.handle_position = Vec3::from(frame.position_m);
         if let Some(bridge) = &mut self.bridge {
             bridge.told = self.handle_position;
             bridge.velocity = Vec3::from(frame.velocity_m_s);
             bridge.age_s = 0.0;
+            if !self.expects_gaps && ENOUGH_GAPS * bridge.gap_s < self.unbroken_s {
+                self.bridge = None;
+            }
         }
     }
 
-    fn expect_gaps(&mut self, longest: Option<Duration>) {
-        self.bridge = longest.map(|longest| Bridge {
-            gap_s: longest.as_secs_f64().max(self.tick_s),
-            ..Bridge::at(self.handle_position)
-        });
+    fn expect_gaps(&mut self, longest: Option<Duration>, velocity: Vec3) {
+        self.expects_gaps = longest.is_some();
+        let Some(longest) = longest else { return };
+        let gap_s = longest.as_secs_f64().max(self.tick_s);
+        self.gap_s = Some(gap_s);
+        match &mut self.bridge {
+            Some(bridge) => bridge.gap_s = gap_s,
+            None => {
+                self.bridge = Some(Bridge {
+                    velocity,
+                    ..Bridge::from(self.handle_position, gap_s)
+                });
+            }
+        }
     }
 
     fn reference(&mut self, _now: Timestamp, _port: &ToolPort, _remote_gain: f64) -> Vec3 {
-        if let Some(bridge) = &mut self.bridge {
-            self.handle_position = bridge.step(self.tick_s);
-        }
-        self.handle_position * self.position_ratio
+        let handle_position = match &mut self.bridge {
+            Some(bridge) => bridge.step(self.tick_s),
+            None => self.handle_position,
+        };
+        handle_position * self.position_ratio
     }
 
     fn reindex(&mut self, handle_position: Vec3) {
         self.handle_position = handle_position;
         if let Some(bridge) = &mut self.bridge {
-            *bridge = Bridge {
-                gap_s: bridge.gap_s,
-                ..Bridge::at(handle_position)
-            };
+            *bridge = Bridge::from(handle_position, bridge.gap_s);
         }
     }
 
@@ -124,6 +171,9 @@ impl ToolEnd for PositionForceTool {
         Some(Signal::force(Vec3::from(frame.force_n)))
     }
 }
+
+/// A bridge is given up when nothing has been left out for this many of the longest gaps: what was to be made up for has been by then.
+const ENOUGH_GAPS: f64 = 6.0;
 
 /// The handle's way while its frames are left out. It goes on at the velocity told last, which is within the band of the true one. Where the next
 /// frame says otherwise, the difference is made up over one gap: a jump of position would be a blow of force, for the clay answers velocity.
@@ -139,10 +189,10 @@ struct Bridge {
 }
 
 impl Bridge {
-    /// At rest.
-    fn at(position: Vec3) -> Self {
+    /// From rest.
+    fn from(position: Vec3, gap_s: f64) -> Self {
         Self {
-            gap_s: 0.0,
+            gap_s,
             told: position,
             velocity: Vec3::zeros(),
             age_s: 0.0,
