@@ -20,7 +20,7 @@ use super::orders::{ChangeError, ORDER_TIMEOUT};
 use crate::collector::LoopStats;
 use crate::convert;
 use crate::engine::{Order, SessionRecord, TICK};
-use crate::session::{Event, Mirror, Sample, SessionShared, parameters, tool_id};
+use crate::session::{Event, Mirror, Sample, SessionShared, Settings, parameters, tool_id};
 
 /// A session that is there.
 #[derive(Clone)]
@@ -54,12 +54,10 @@ impl Live {
         self.still_there()?;
         let session = self.shared.number;
         if let Some(scheme) = patch.scheme {
-            let revision = {
-                let mut settings = self.shared.settings();
+            let revision = self.revise(|settings| {
                 settings.spec.scheme = scheme;
                 settings.parameters.scheme = scheme;
-                settings.next_revision()
-            };
+            });
             self.order(Order::SetScheme {
                 session,
                 scheme,
@@ -70,12 +68,10 @@ impl Live {
         if let Some(change) = patch.material {
             let wanted = change.apply(self.shared.settings().spec.material);
             let material = convert::material(&wanted).map_err(ChangeError::Field)?;
-            let revision = {
-                let mut settings = self.shared.settings();
+            let revision = self.revise(|settings| {
                 settings.spec.material = wanted;
                 settings.parameters.material = wanted;
-                settings.next_revision()
-            };
+            });
             self.order(Order::SetMaterial {
                 session,
                 material,
@@ -84,12 +80,10 @@ impl Live {
             .await?;
         }
         if let Some(fraction) = patch.deadband {
-            let revision = {
-                let mut settings = self.shared.settings();
+            let revision = self.revise(|settings| {
                 settings.spec.deadband = fraction;
                 settings.parameters.deadband = fraction;
-                settings.next_revision()
-            };
+            });
             self.order(Order::SetDeadband {
                 session,
                 fraction,
@@ -120,6 +114,13 @@ impl Live {
         }
         self.still_there()?;
         Ok(self.state())
+    }
+
+    /// Changes the settings, as a new revision of the parameters.
+    fn revise(&self, change: impl FnOnce(&mut Settings)) -> u16 {
+        let mut settings = self.shared.settings();
+        change(&mut settings);
+        settings.next_revision()
     }
 
     /// A fresh block.
