@@ -317,16 +317,22 @@ fn position_force_takes_over_a_moving_tool_with_frames_left_out() {
     assert!(0.8 * speed < slowest);
 }
 
-/// A fresh block is no news of the hand: the tool is where the hand is, at once and not over the next gap.
-#[test]
-fn position_force_begins_at_the_hand_on_a_fresh_block_with_frames_left_out() {
+/// A tool that follows a hand through the air under position-force, at full speed, with frames left out and a share of the others lost.
+fn gliding(loss: f64, seed: u64) -> Rig {
     let mut rig = sparing(carving(
         running(Scheme::PositionForce),
         in_air(),
         Material::default(),
-        both_ways(line(0, 0.0, 0.0), 1),
+        both_ways(line(0, 0.0, loss), seed),
     ));
     rig.run_for(Duration::from_millis(900));
+    rig
+}
+
+/// A fresh block is no news of the hand: the tool is where the hand is, at once and not over the next gap.
+#[test]
+fn position_force_begins_at_the_hand_on_a_fresh_block_with_frames_left_out() {
+    let mut rig = gliding(0.0, 1);
     // The line dies, and before that is noticed the block is exchanged: the tool waits there, it does not go on.
     rig.impair(both_ways(line(0, 0.0, 1.0), 1));
     rig.run_for(Duration::from_millis(10));
@@ -341,13 +347,7 @@ fn position_force_begins_at_the_hand_on_a_fresh_block_with_frames_left_out() {
 #[test]
 fn position_force_overruns_a_lost_stop_by_little_and_comes_back() {
     for seed in 0..20 {
-        let mut rig = sparing(carving(
-            running(Scheme::PositionForce),
-            in_air(),
-            Material::default(),
-            both_ways(line(0, 0.0, 0.3), seed),
-        ));
-        rig.run_for(Duration::from_millis(900));
+        let mut rig = gliding(0.3, seed);
         let speed = norm(rig.device().sample().velocity_m_s);
         rig.hold_handles_fast();
         let mut furthest_m = 0.0_f64;
@@ -367,13 +367,7 @@ fn position_force_overruns_a_lost_stop_by_little_and_comes_back() {
 /// Where nothing comes at all, a tool that bridges gaps comes to rest after two of them, long before the silence is one.
 #[test]
 fn position_force_does_not_run_away_on_a_dead_line() {
-    let mut rig = sparing(carving(
-        running(Scheme::PositionForce),
-        in_air(),
-        Material::default(),
-        both_ways(line(0, 0.0, 0.0), 1),
-    ));
-    rig.run_for(Duration::from_millis(900));
+    let mut rig = gliding(0.0, 1);
     let [speed, at_m] = [
         norm(rig.device().sample().velocity_m_s),
         rig.tool().view().position_m[0],

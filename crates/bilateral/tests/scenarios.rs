@@ -4,7 +4,7 @@
 use std::time::Duration;
 
 use teleclay_bilateral::rig::{Rig, Setup};
-use teleclay_bilateral::{Contact, Lines, ToolSide};
+use teleclay_bilateral::{Contact, Lines, Permission, ToolSide, material};
 use teleclay_clay::{Clay, Shape, SteppedBlock};
 use teleclay_link::conditioner::{Bursts, Impairment, JitterDistribution, Outages};
 use teleclay_link::time::Timestamp;
@@ -341,6 +341,24 @@ fn no_number_of_a_handle_frame_escapes_the_check() {
         side.on_frame(Timestamp::from_nanos(2_000_000), &frame);
         assert_eq!(side.fault().map(|fault| fault.field), Some(field));
     }
+}
+
+/// How old the news of a hand is counts from the tool's first tick until there is some, however long the server has been up.
+#[test]
+fn a_tool_that_was_just_seated_has_not_been_silent_since_the_server_began() {
+    let mut side = ToolSide::new(&LoopParameters::default(), 7).unwrap();
+    let size_m = [0.01; 3];
+    let mut clay = Clay::new(&Shape::Block { size_m }, 1e-3).unwrap();
+    let material = material(&teleclay_proto::Material::default()).unwrap();
+    let at = |ms: u64| Timestamp::from_nanos(1_000_000 * ms);
+    for ms in [100_000, 100_040] {
+        side.step(at(ms), &mut clay, &material, Permission::Work);
+    }
+    assert!((side.silence_s(at(100_040)) - 0.040).abs() < 1e-9);
+    let mut frame = HandleFrame::default();
+    frame.header.lease = 7;
+    side.on_frame(at(100_050), &frame);
+    assert!((side.silence_s(at(100_052)) - 0.002).abs() < 1e-9);
 }
 
 #[test]
