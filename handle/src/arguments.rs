@@ -67,7 +67,7 @@ pub struct Arguments {
     /// The last microseconds of each wait that are spun: punctuality for processor time
     #[arg(long, value_name = "US", default_value_t = 0, value_parser = clap::value_parser!(u64).range(..=MAX_SPIN_US))]
     pub spin_us: u64,
-    /// Write every tick to this CSV file: time, contact, motion, forces
+    /// Write every tick to this CSV file: time, state of the link, motion, forces
     #[arg(long, value_name = "FILE")]
     pub record: Option<PathBuf>,
     /// Let the handle's clock run fast by this much, to see what another machine's crystal does

@@ -13,7 +13,7 @@ use std::io;
 use std::sync::Arc;
 
 use rtrb::{Consumer, Producer, RingBuffer};
-use teleclay_bilateral::{Contact, Retired};
+use teleclay_bilateral::{LinkState, Retired};
 use teleclay_link::arrivals::ArrivalCounts;
 use teleclay_link::replica::Workplace;
 use teleclay_link::safety::NotFinite;
@@ -87,7 +87,7 @@ pub(crate) struct Record {
     pub(crate) work_ns: u64,
     pub(crate) lease: u32,
     pub(crate) mode: Mode,
-    pub(crate) contact: Contact,
+    pub(crate) link_state: LinkState,
     pub(crate) silence_ns: u64,
     /// Since the tool side last showed that it had heard something new.
     pub(crate) echo_age_ns: u64,
@@ -238,7 +238,7 @@ impl Engine {
             work_ns: 0,
             lease: self.seat.lease,
             mode,
-            contact: step.contact,
+            link_state: step.link_state,
             silence_ns: self.seat.silence_ns(now),
             echo_age_ns: self.seat.echo_age_ns(now),
             heard,
@@ -385,7 +385,7 @@ pub(crate) fn sample_record() -> Record {
         work_ns: 4_000,
         lease: 1,
         mode: Mode::Coupled,
-        contact: Contact::Live,
+        link_state: LinkState::Live,
         silence_ns: 0,
         echo_age_ns: 0,
         heard: Heard::default(),

@@ -29,7 +29,7 @@ pub enum Event {
         lease: u32,
         /// The law that couples the two sides.
         scheme: Scheme,
-        /// Time since contact was lost, s, when a lease was held before.
+        /// Time since the link was lost, s, when a lease was held before.
         after_s: Option<f64>,
     },
     /// The 1 kHz thread runs.
@@ -185,7 +185,7 @@ impl fmt::Display for Event {
                     "joined session `{session}` on {node}{again}: tool {tool}, lease {lease}, scheme {scheme}"
                 )?;
                 after_s.map_or(Ok(()), |after_s| {
-                    write!(f, ", {after_s:.1} s after contact was lost")
+                    write!(f, ", {after_s:.1} s after the link was lost")
                 })
             }
             Self::Ticking {

@@ -6,7 +6,7 @@ use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
-use teleclay_bilateral::Contact;
+use teleclay_bilateral::LinkState;
 
 use crate::engine::{Mode, Record};
 
@@ -14,7 +14,7 @@ use crate::engine::{Mode, Record};
 /// ago it last showed that it had heard something new; `rtt_s` is empty unless a frame of this tick completed a round trip. The handle's
 /// position is its displacement from home. `copy` says what its copy of the clay is good for, where the scheme keeps one; `correction_moved_n` is
 /// how far corrections of that copy have moved the felt force since it was made, `correction_held_n` what they have still to let in.
-pub const COLUMNS: &str = "clock_s,lateness_s,lease,mode,contact,copy,silence_s,echo_s,rtt_s,\
+pub const COLUMNS: &str = "clock_s,lateness_s,lease,mode,link_state,copy,silence_s,echo_s,rtt_s,\
     position_x_m,position_y_m,position_z_m,velocity_x_m_s,velocity_y_m_s,velocity_z_m_s,\
     hand_force_x_n,hand_force_y_n,hand_force_z_n,felt_force_x_n,felt_force_y_n,felt_force_z_n,\
     correction_moved_n,correction_held_n";
@@ -62,7 +62,7 @@ fn write_line(file: &mut impl Write, record: &Record) -> io::Result<()> {
         seconds(record.lateness_ns),
         record.lease,
         mode(record.mode),
-        contact(record.contact),
+        link_state(record.link_state),
         record.copy,
         seconds(record.silence_ns),
         seconds(record.echo_age_ns),
@@ -98,16 +98,16 @@ const fn mode(mode: Mode) -> &'static str {
     }
 }
 
-const fn contact(contact: Contact) -> &'static str {
-    match contact {
-        Contact::Live => "live",
-        Contact::NotYet => "not_yet",
-        Contact::Silent => "silent",
-        Contact::OnCopy => "on_copy",
-        Contact::OnStaleCopy => "on_stale_copy",
-        Contact::Gone => "gone",
-        Contact::Paused => "paused",
-        Contact::Fault => "fault",
+const fn link_state(link_state: LinkState) -> &'static str {
+    match link_state {
+        LinkState::Live => "live",
+        LinkState::NotYet => "not_yet",
+        LinkState::Silent => "silent",
+        LinkState::OnCopy => "on_copy",
+        LinkState::OnStaleCopy => "on_stale_copy",
+        LinkState::Gone => "gone",
+        LinkState::Paused => "paused",
+        LinkState::Fault => "fault",
     }
 }
 
@@ -140,7 +140,7 @@ mod tests {
                 rtt_ns.map_or("", |_| "0.001500000"),
                 "no sample is no zero"
             );
-            assert_eq!((of("contact"), of("mode")), ("live", "coupled"));
+            assert_eq!((of("link_state"), of("mode")), ("live", "coupled"));
             assert_eq!(
                 (of("felt_force_x_n"), of("felt_force_y_n")),
                 ("0.1", "-2.0")

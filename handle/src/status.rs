@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use hdrhistogram::Histogram;
 use serde::Serialize;
-use teleclay_bilateral::Contact;
+use teleclay_bilateral::LinkState;
 use teleclay_link::arrivals::ArrivalCounts;
 use teleclay_operator::RobotState;
 use teleclay_proto::Scheme;
@@ -35,7 +35,7 @@ pub struct Quantiles {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum State {
-    /// It has no lease, or has lost contact and asks for another.
+    /// It has no lease, or has lost the link and asks for another.
     #[default]
     Joining,
     /// It has a lease and no frame yet.
@@ -281,15 +281,15 @@ impl Tally {
             self.counts[1].arrivals = record.arrivals;
             self.counts[1].lost_on_the_way_out = record.lost_on_the_way_out;
         }
-        self.state = match (record.mode, record.contact) {
+        self.state = match (record.mode, record.link_state) {
             _ if record.fault.is_some() => State::Fault,
-            (Mode::Coupled, Contact::Live) => State::Live,
-            (Mode::Coupled, Contact::NotYet) => State::Waiting,
-            (Mode::Coupled, Contact::Silent | Contact::Gone) => State::Silent,
-            (Mode::Coupled, Contact::OnCopy) => State::OnCopy,
-            (Mode::Coupled, Contact::OnStaleCopy) => State::OnStaleCopy,
-            (Mode::Coupled, Contact::Paused) => State::Paused,
-            (Mode::Coupled, Contact::Fault) => State::Fault,
+            (Mode::Coupled, LinkState::Live) => State::Live,
+            (Mode::Coupled, LinkState::NotYet) => State::Waiting,
+            (Mode::Coupled, LinkState::Silent | LinkState::Gone) => State::Silent,
+            (Mode::Coupled, LinkState::OnCopy) => State::OnCopy,
+            (Mode::Coupled, LinkState::OnStaleCopy) => State::OnStaleCopy,
+            (Mode::Coupled, LinkState::Paused) => State::Paused,
+            (Mode::Coupled, LinkState::Fault) => State::Fault,
             (Mode::Braking | Mode::Resting, _) => State::Joining,
         };
     }

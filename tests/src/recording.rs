@@ -14,7 +14,7 @@ pub struct Row {
     /// Who moved the handle: `coupled`, `braking`, `resting`.
     pub mode: String,
     /// What was felt, and why not: `live`, `not_yet`, `silent`, `paused`, `fault`.
-    pub contact: String,
+    pub link_state: String,
     /// What the copy of the clay was good for: `none`, `live`, `stale`, `diverged`.
     pub copy: String,
     /// Since the last frame of the tool side, s.
@@ -78,7 +78,7 @@ fn row(columns: &[&str], line: &str) -> Result<Row> {
         lateness_s: number("lateness_s")?,
         lease: text("lease")?.parse()?,
         mode: text("mode")?.to_owned(),
-        contact: text("contact")?.to_owned(),
+        link_state: text("link_state")?.to_owned(),
         copy: text("copy")?.to_owned(),
         silence_s: number("silence_s")?,
         rtt_s: match text("rtt_s")? {

@@ -32,9 +32,9 @@ use crate::parameters::{LoopModel, ParameterError};
 /// A change of scheme or status is blended over this time, s: no change steps the force.
 const BLEND_S: f64 = 0.05;
 
-/// Why the hand feels nothing remote.
+/// State of the link: whether the hand feels the far side, and if not, why.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Contact {
+pub enum LinkState {
     /// Frames come and the tool works.
     Live,
     /// No frame yet.
@@ -74,8 +74,8 @@ pub struct HandleStep {
     pub command_m: [f64; 3],
     /// Force on the hand from the far side, N, after all limits.
     pub felt_force_n: [f64; 3],
-    /// Whether that force is live, and if not, why.
-    pub contact: Contact,
+    /// State of the link: whether that force is live, and if not, why.
+    pub link_state: LinkState,
 }
 
 /// The handle side of one tool's loop.
@@ -256,7 +256,7 @@ impl HandleSide {
         HandleStep {
             command_m: command.into(),
             felt_force_n: felt.into(),
-            contact: self.contact(now),
+            link_state: self.link_state(now),
         }
     }
 
@@ -344,28 +344,28 @@ impl HandleSide {
         self.fault
     }
 
-    /// What the hand feels of the far side, and why not if it does not.
-    pub fn contact(&self, now: Timestamp) -> Contact {
+    /// State of the link: what the hand feels of the far side, and why not if it does not.
+    pub fn link_state(&self, now: Timestamp) -> LinkState {
         if self.fault.is_some() || self.status == LoopStatus::Fault {
-            return Contact::Fault;
+            return LinkState::Fault;
         }
         if self.gone_since.is_some() {
-            return Contact::Gone;
+            return LinkState::Gone;
         }
         if self.watchdog.age(now).is_none() {
-            return Contact::NotYet;
+            return LinkState::NotYet;
         }
         if self.watchdog.is_silent(now) {
             return match self.end.replica().map(ReplicaHandle::state) {
-                None | Some(CopyState::None) => Contact::Silent,
-                Some(CopyState::Stale) => Contact::OnStaleCopy,
-                Some(CopyState::Live | CopyState::Diverged) => Contact::OnCopy,
+                None | Some(CopyState::None) => LinkState::Silent,
+                Some(CopyState::Stale) => LinkState::OnStaleCopy,
+                Some(CopyState::Live | CopyState::Diverged) => LinkState::OnCopy,
             };
         }
         if self.status == LoopStatus::Paused {
-            Contact::Paused
+            LinkState::Paused
         } else {
-            Contact::Live
+            LinkState::Live
         }
     }
 
@@ -487,7 +487,7 @@ impl HandleSide {
         HandleStep {
             command_m: self.frame.position_m,
             felt_force_n: felt.into(),
-            contact: Contact::Fault,
+            link_state: LinkState::Fault,
         }
     }
 }

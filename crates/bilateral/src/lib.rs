@@ -20,7 +20,7 @@ mod tool_side;
 mod tool_view;
 pub mod wall;
 
-pub use handle_side::{Contact, HandleSide, HandleStep, Retired};
+pub use handle_side::{HandleSide, HandleStep, LinkState, Retired};
 pub use parameters::{LoopModel, ParameterError, clay_shape, material, tool_shape, workplace};
 pub use session::{FreshBlock, Lines, SessionLoop};
 pub use tool_side::{Permission, ToolSide, ToolStep};

@@ -129,7 +129,7 @@ impl Hand {
             last: HandleStep {
                 command_m: [0.0; 3],
                 felt_force_n: [0.0; 3],
-                contact: crate::Contact::NotYet,
+                link_state: crate::LinkState::NotYet,
             },
             observer: Observer::new(parameters.position_ratio * parameters.force_ratio),
             sent: Traffic::default(),

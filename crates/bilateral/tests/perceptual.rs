@@ -10,7 +10,7 @@ mod rigs;
 use std::time::Duration;
 
 use rigs::{both_ways, carving, embedded, line, norm, running, viscous};
-use teleclay_bilateral::Contact;
+use teleclay_bilateral::LinkState;
 use teleclay_bilateral::rig::Rig;
 use teleclay_link::Vec3;
 use teleclay_link::deadband::{DeadbandError, DeadbandSettings};
@@ -77,7 +77,7 @@ fn four_frames_in_five_are_left_out_in_air_and_in_steady_cutting() {
             let saved = saved(&rig, 4000);
             println!("{scheme:?} {task}: {:.1} % left out", 100.0 * saved);
             assert!(0.8 <= saved, "{scheme:?} {task}: only {saved}");
-            assert_eq!(rig.last().contact, Contact::Live, "{scheme:?} {task}");
+            assert_eq!(rig.last().link_state, LinkState::Live, "{scheme:?} {task}");
         }
     }
 }
@@ -376,7 +376,7 @@ fn position_force_does_not_run_away_on_a_dead_line() {
     rig.run_for(Duration::from_millis(75));
     let way_m = (rig.tool().view().position_m[0] - at_m).abs();
     println!("{:.3} mm at {speed:.3} m/s", 1e3 * way_m);
-    assert_eq!(rig.last().contact, Contact::Live, "no silence yet");
+    assert_eq!(rig.last().link_state, LinkState::Live, "no silence yet");
     let gap_s = DeadbandSettings::default().heartbeat.as_secs_f64();
     assert!((gap_s * speed..2.1 * gap_s * speed).contains(&way_m));
 }
@@ -390,10 +390,10 @@ fn a_cut_line_is_still_noticed_in_time() {
         both_ways(line(5, 0.0, 0.0), 1),
     ));
     rig.run_for(Duration::from_secs(2));
-    assert_eq!(rig.last().contact, Contact::Live);
+    assert_eq!(rig.last().link_state, LinkState::Live);
     rig.impair(both_ways(line(0, 0.0, 1.0), 1));
     rig.run_for(Duration::from_millis(5 + 100 + 20 + 50 + 5));
-    assert_eq!(rig.last().contact, Contact::Silent);
+    assert_eq!(rig.last().link_state, LinkState::Silent);
     assert_eq!(rig.last().felt_force_n, [0.0; 3]);
 }
 

@@ -13,7 +13,7 @@ use std::time::Duration;
 use rigs::{
     BURSTS, OUTAGES, TICK, both_ways, carving, cutting, embedded, line, norm, running, viscous,
 };
-use teleclay_bilateral::Contact;
+use teleclay_bilateral::LinkState;
 use teleclay_bilateral::rig::{Further, Rig, Setup};
 use teleclay_clay::{Clay, Pose, SOLID, Shape, Sweep, ToolShape};
 use teleclay_link::Vec3;
@@ -523,9 +523,9 @@ fn on_a_long_silence_the_copy_is_felt_but_no_longer_cut_and_nothing_is_lost() {
         1,
     ));
     rig.run_for(Duration::from_millis(300));
-    assert_eq!(rig.last().contact, Contact::OnCopy);
+    assert_eq!(rig.last().link_state, LinkState::OnCopy);
     rig.run_for(Duration::from_millis(1900));
-    assert_eq!(rig.last().contact, Contact::OnStaleCopy);
+    assert_eq!(rig.last().link_state, LinkState::OnStaleCopy);
     let cut_by_then = rig
         .replica()
         .unwrap()
@@ -551,7 +551,7 @@ fn on_a_long_silence_the_copy_is_felt_but_no_longer_cut_and_nothing_is_lost() {
     assert!(0.3 < felt, "felt only {felt} N");
     rig.impair(both_ways(steady, 1));
     rig.run_for(Duration::from_secs(3));
-    assert_eq!(rig.last().contact, Contact::Live);
+    assert_eq!(rig.last().link_state, LinkState::Live);
     drain(&mut rig);
     assert_clay_is_one(&rig, "after the silence");
     assert_eq!(rig.tool().view().sweeps_refused, 0);
@@ -568,7 +568,7 @@ fn a_pause_loses_no_cut_and_stops_all_further_ones() {
     rig.run_for(Duration::from_secs(4));
     rig.session_mut().pause();
     rig.run_for(Duration::from_secs(3));
-    assert_eq!(rig.last().contact, Contact::Paused);
+    assert_eq!(rig.last().link_state, LinkState::Paused);
     let removed = rig.session().clay().removed_units();
     rig.run_for(Duration::from_secs(2));
     assert_eq!(rig.session().clay().removed_units(), removed);

@@ -4,7 +4,7 @@
 use std::time::Duration;
 
 use teleclay_bilateral::rig::{Rig, Setup};
-use teleclay_bilateral::{Contact, Lines, Permission, ToolSide, material};
+use teleclay_bilateral::{Lines, LinkState, Permission, ToolSide, material};
 use teleclay_clay::{Clay, Shape, SteppedBlock};
 use teleclay_link::conditioner::{Bursts, Impairment, JitterDistribution, Outages};
 use teleclay_link::time::Timestamp;
@@ -232,7 +232,7 @@ fn a_cut_line_releases_the_hand_and_stops_the_tool() {
     // What is in flight still arrives; then silence of 100 ms and a ramp of 50 ms.
     rig.run_for(Duration::from_millis(20 + 100 + 50) + ONE_TICK * 2);
     assert_eq!(rig.last().felt_force_n, [0.0; 3]);
-    assert_eq!(rig.last().contact, Contact::Silent);
+    assert_eq!(rig.last().link_state, LinkState::Silent);
     let stopped = rig.tool().view().position_m;
     let removed = rig.session().clay().removed_units();
     rig.run_for(Duration::from_secs(3));
@@ -274,7 +274,7 @@ fn a_line_that_comes_back_ramps_up_and_executes_nothing_of_the_meantime() {
         );
         (before_force, before_place) = (force, place);
     }
-    assert_eq!(rig.last().contact, Contact::Live);
+    assert_eq!(rig.last().link_state, LinkState::Live);
 }
 
 #[test]
@@ -292,7 +292,7 @@ fn a_value_that_is_no_number_ends_in_fault_with_its_name_and_no_force() {
         rig.session().fault().map(|fault| fault.field),
         Some("hand_force_n")
     );
-    assert_eq!(rig.last().contact, Contact::Fault);
+    assert_eq!(rig.last().link_state, LinkState::Fault);
     rig.run_for(Duration::from_millis(200));
     assert_eq!(rig.last().felt_force_n, [0.0; 3]);
     let slack = rig.session().clay().removed_units() - removed;

@@ -10,7 +10,7 @@ mod rigs;
 use std::time::Duration;
 
 use rigs::{TICK, both_ways, carving, cutting, distance, line, running};
-use teleclay_bilateral::Contact;
+use teleclay_bilateral::LinkState;
 use teleclay_bilateral::rig::Rig;
 use teleclay_link::conditioner::Impairment;
 use teleclay_proto::Material;
@@ -127,9 +127,9 @@ fn after_an_outage_no_scheme_makes_up_for_what_it_missed() {
         ));
         rig.run_for(Duration::from_secs(5));
         if scheme == Scheme::Replica {
-            assert_eq!(rig.last().contact, Contact::OnStaleCopy);
+            assert_eq!(rig.last().link_state, LinkState::OnStaleCopy);
         } else {
-            assert_eq!(rig.last().contact, Contact::Silent);
+            assert_eq!(rig.last().link_state, LinkState::Silent);
             assert_eq!(rig.last().felt_force_n, [0.0; 3], "{scheme:?}");
         }
         rig.impair(both_ways(line(5, 0.0, 0.0), 1));
@@ -141,7 +141,7 @@ fn after_an_outage_no_scheme_makes_up_for_what_it_missed() {
         if scheme != Scheme::Replica {
             assert!(place_step < LEAP_M, "{scheme:?}: {place_step} m");
         }
-        assert_eq!(rig.last().contact, Contact::Live);
+        assert_eq!(rig.last().link_state, LinkState::Live);
     }
 }
 

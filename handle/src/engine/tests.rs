@@ -234,8 +234,8 @@ fn the_hand_feels_what_the_tool_side_says() {
     let mut bench = Bench::new(Intent::Idle);
     let record = bench.couple_for(200);
     assert_eq!(
-        (record.mode, record.contact),
-        (Mode::Coupled, Contact::Live)
+        (record.mode, record.link_state),
+        (Mode::Coupled, LinkState::Live)
     );
     assert_eq!(record.felt_force_n, [-3.0, 0.0, 0.0]);
     assert_eq!(record.arrivals.received, 200);
@@ -283,8 +283,8 @@ fn silence_releases_the_force_within_its_time_and_the_handle_stays_free() {
     );
     let record = bench.tick();
     assert_eq!(
-        (record.mode, record.contact),
-        (Mode::Coupled, Contact::Silent)
+        (record.mode, record.link_state),
+        (Mode::Coupled, LinkState::Silent)
     );
     assert!(
         (100_000_000..160_000_000).contains(&record.silence_ns),
@@ -316,8 +316,8 @@ fn another_lease_starts_where_the_handle_stands_without_a_step_of_force_or_speed
     assert_eq!(discarded(&mut bench), ["seat"]);
     let record = bench.couple_for(200);
     assert_eq!(
-        (record.mode, record.contact, record.lease),
-        (Mode::Coupled, Contact::Live, 2)
+        (record.mode, record.link_state, record.lease),
+        (Mode::Coupled, LinkState::Live, 2)
     );
     assert_eq!(record.felt_force_n, [-3.0, 0.0, 0.0]);
 
@@ -558,16 +558,16 @@ fn a_server_that_has_gone_releases_the_hand_within_a_ramp_whatever_the_scheme_an
     bench.tool_speaks();
     for lease in [9, 1] {
         assert!(bench.ends.orders.push(Order::Release { lease }).is_ok());
-        assert_eq!(bench.tick().contact == Contact::Gone, lease == 1);
+        assert_eq!(bench.tick().link_state == LinkState::Gone, lease == 1);
     }
     for _ in 0..60 {
         bench.tick();
     }
     let record = bench.tick();
-    assert_eq!(record.contact, Contact::Gone);
+    assert_eq!(record.link_state, LinkState::Gone);
     assert_eq!(record.felt_force_n, [0.0; 3]);
     let record = bench.couple_for(200);
-    assert_eq!(record.contact, Contact::Live);
+    assert_eq!(record.link_state, LinkState::Live);
     assert_eq!(record.felt_force_n, [-3.0, 0.0, 0.0]);
     let (force_n, _) = steps(&bench.told());
     assert!(force_n <= FORCE_STEP_N, "{force_n} N in a tick");

@@ -14,7 +14,7 @@ use std::future::Future;
 use std::pin::Pin;
 use std::time::Duration;
 
-use teleclay_bilateral::Contact;
+use teleclay_bilateral::LinkState;
 use teleclay_proto::join::FreshReply;
 use teleclay_proto::{NodeName, SessionId};
 use teleclay_shell::network::{self, Endpoints};
@@ -158,8 +158,8 @@ struct Run {
     silence: Duration,
     /// Gets the lease whose server has gone.
     gone: (UnboundedSender<u32>, UnboundedReceiver<u32>),
-    /// Of the last record: lease, contact, and since when it lasts.
-    contact: (u32, Contact, Instant),
+    /// Of the last record: lease, state of the link, and since when it lasts.
+    link_state: (u32, LinkState, Instant),
     mode: Mode,
     lookout: Lookout,
     is_leaving: bool,
@@ -192,7 +192,7 @@ impl Run {
             revision: 0,
             silence: Duration::ZERO,
             gone: unbounded_channel(),
-            contact: (0, Contact::NotYet, started),
+            link_state: (0, LinkState::NotYet, started),
             mode: Mode::Resting,
             lookout: Lookout::default(),
             is_leaving: false,

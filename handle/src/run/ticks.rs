@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use teleclay_bilateral::Contact;
+use teleclay_bilateral::LinkState;
 use tokio::time::Instant;
 
 use super::{Failure, Run};
@@ -93,9 +93,12 @@ impl Run {
             return Ok(());
         }
         self.silence = Duration::from_nanos(record.silence_ns);
-        self.on_contact(record);
+        self.on_link_state(record);
         self.refresh(record.lease, record.wishes);
-        let is_on_copy = matches!(record.contact, Contact::OnCopy | Contact::OnStaleCopy);
+        let is_on_copy = matches!(
+            record.link_state,
+            LinkState::OnCopy | LinkState::OnStaleCopy
+        );
         let lost_after = if is_on_copy {
             LOST_ON_COPY_AFTER
         } else {
@@ -186,28 +189,29 @@ impl Run {
         }
     }
 
-    fn on_contact(&mut self, record: &Record) {
-        let (lease, before, since) = self.contact;
-        if (lease, before) == (record.lease, record.contact) {
+    fn on_link_state(&mut self, record: &Record) {
+        let (lease, before, since) = self.link_state;
+        if (lease, before) == (record.lease, record.link_state) {
             return;
         }
         let now = Instant::now();
-        self.contact = (record.lease, record.contact, now);
+        self.link_state = (record.lease, record.link_state, now);
         let was_lost = lease == record.lease
             && matches!(
                 before,
-                Contact::Silent | Contact::OnCopy | Contact::OnStaleCopy | Contact::Gone
+                LinkState::Silent | LinkState::OnCopy | LinkState::OnStaleCopy | LinkState::Gone
             );
-        let was_held = lease == record.lease && matches!(before, Contact::Paused | Contact::Fault);
-        match record.contact {
+        let was_held =
+            lease == record.lease && matches!(before, LinkState::Paused | LinkState::Fault);
+        match record.link_state {
             // That the server has gone was told when it was seen.
-            Contact::NotYet | Contact::Gone => {}
-            Contact::Live => {
+            LinkState::NotYet | LinkState::Gone => {}
+            LinkState::Live => {
                 let after_s = (was_lost || was_held).then(|| (now - since).as_secs_f64());
                 if was_lost {
                     self.lost_at = None;
                 }
-                let was_on_copy = matches!(before, Contact::OnCopy | Contact::OnStaleCopy);
+                let was_on_copy = matches!(before, LinkState::OnCopy | LinkState::OnStaleCopy);
                 self.tell(match after_s {
                     Some(after_s) if was_on_copy => Event::Together { after_s },
                     _ => Event::Live {
@@ -216,21 +220,21 @@ impl Run {
                     },
                 });
             }
-            Contact::Silent | Contact::OnCopy => {
+            LinkState::Silent | LinkState::OnCopy => {
                 self.lost_at.get_or_insert(now);
                 let silence_s = self
                     .line
                     .as_ref()
                     .map_or(0.0, |line| line.welcome.granted.parameters.silence_s);
-                self.tell(if record.contact == Contact::Silent {
+                self.tell(if record.link_state == LinkState::Silent {
                     Event::Silent { silence_s }
                 } else {
                     Event::OnCopy { silence_s }
                 });
             }
-            Contact::OnStaleCopy => self.tell(Event::OnStaleCopy),
-            Contact::Paused => self.tell(Event::Paused),
-            Contact::Fault => self.tell(Event::SessionFault),
+            LinkState::OnStaleCopy => self.tell(Event::OnStaleCopy),
+            LinkState::Paused => self.tell(Event::Paused),
+            LinkState::Fault => self.tell(Event::SessionFault),
         }
     }
 

@@ -96,7 +96,7 @@ fn replay(session: &Session, rows: &[Row]) -> Replay {
     };
     let mut contact = ContactState::default();
     let (mut squares, mut greatest_n, mut ticks) = (0.0, 0.0_f64, 0);
-    let pause = rows.iter().position(|row| row.contact == "paused");
+    let pause = rows.iter().position(|row| row.link_state == "paused");
     for pair in rows[..pause.expect("it ended with a pause")].windows(2) {
         if pair[1].copy == "stale" {
             continue;
@@ -235,8 +235,11 @@ fn an_outage_of_five_seconds_while_cutting_is_felt_as_clay_and_leaves_both_sides
     let rtt_s = rtt_quantile_s(&delayed, 0.5).unwrap();
     println!("round trip p50 {:.1} ms", rtt_s * 1e3);
     assert!((0.040..0.043).contains(&rtt_s), "{rtt_s} s");
-    let on_copy = rows.iter().filter(|row| row.contact == "on_copy").count();
-    let stale = rows.iter().filter(|row| row.contact == "on_stale_copy");
+    let on_copy = rows
+        .iter()
+        .filter(|row| row.link_state == "on_copy")
+        .count();
+    let stale = rows.iter().filter(|row| row.link_state == "on_stale_copy");
     assert!(
         (1700..2100).contains(&on_copy),
         "{on_copy} ticks on the copy"
@@ -309,7 +312,7 @@ fn without_a_copy_a_cut_line_releases_the_hand_and_a_mended_one_brings_the_force
         let rows = stage.handle.ticks().unwrap();
         let silent: Vec<&Row> = rows
             .iter()
-            .filter(|row| row.contact == "silent" && 0.2 <= row.silence_s)
+            .filter(|row| row.link_state == "silent" && 0.2 <= row.silence_s)
             .collect();
         assert!(100 < silent.len(), "{scheme}: {} ticks", silent.len());
         assert!(

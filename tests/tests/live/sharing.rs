@@ -132,7 +132,7 @@ fn with_a_deadband_most_frames_are_left_out_and_the_cut_goes_on() {
         }
         assert!(handle.process.end().unwrap().success());
         let rows = handle.ticks().unwrap();
-        let alive = rows.iter().filter(|row| row.contact == "live").count();
+        let alive = rows.iter().filter(|row| row.link_state == "live").count();
         assert!(11_900 < alive, "{alive} ticks with frames");
     }
 }

@@ -141,7 +141,7 @@ async fn a_number_that_is_none_puts_the_session_into_fault_with_its_reason_until
     assert!(step_n <= FORCE_STEP_N, "{step_n} N in a tick");
     let in_fault: Vec<_> = ticks
         .iter()
-        .filter(|tick| tick.contact == "fault")
+        .filter(|tick| tick.link_state == "fault")
         .collect();
     assert!(
         100 < in_fault.len() && in_fault[100..].iter().all(|tick| tick.felt_n() <= 0.0),
