@@ -17,7 +17,7 @@ use teleclay_bilateral::{LinkState, Retired};
 use teleclay_link::arrivals::ArrivalCounts;
 use teleclay_link::replica::Workplace;
 use teleclay_link::safety::NotFinite;
-use teleclay_link::scheme::replica::Picture;
+use teleclay_link::scheme::replica::Snapshot;
 use teleclay_link::time::Timestamp;
 use teleclay_operator::{DeviceSample, RobotState};
 use teleclay_proto::Scheme;
@@ -51,7 +51,7 @@ pub(crate) enum Order {
         deadband: f64,
     },
     /// The server's clay, under this lease.
-    Show { lease: u32, picture: Picture },
+    LoadSnapshot { lease: u32, snapshot: Snapshot },
     /// The server of this lease has gone.
     Release { lease: u32 },
     /// Says goodbye and brings the handle to rest.
@@ -62,7 +62,7 @@ pub(crate) enum Order {
 pub(crate) enum Discarded {
     Seat { _seat: Box<Seat> },
     Workplace { _workplace: Arc<Workplace> },
-    Picture { _picture: Picture },
+    Snapshot { _snapshot: Snapshot },
     Retired { _retired: Retired },
 }
 
@@ -251,7 +251,7 @@ impl Engine {
             corrections: self.seat.side.frame().corrections,
             wishes: Wishes {
                 revision: self.seat.side.revision(),
-                picture: self.seat.side.wanted_picture(),
+                snapshot: self.seat.side.wanted_snapshot(),
             },
             fault: self.seat.side.fault(),
             request: self.request,
@@ -292,14 +292,16 @@ impl Engine {
                     };
                     self.discard(Discarded::Workplace { _workplace: before });
                 }
-                Order::Show { lease, picture } => {
+                Order::LoadSnapshot { lease, snapshot } => {
                     let unused = if lease == self.seat.lease {
-                        self.seat.side.on_picture(picture)
+                        self.seat.side.on_snapshot(snapshot)
                     } else {
-                        Some(picture)
+                        Some(snapshot)
                     };
-                    if let Some(picture) = unused {
-                        self.discard(Discarded::Picture { _picture: picture });
+                    if let Some(snapshot) = unused {
+                        self.discard(Discarded::Snapshot {
+                            _snapshot: snapshot,
+                        });
                     }
                 }
                 Order::Release { lease } => {
@@ -398,7 +400,7 @@ pub(crate) fn sample_record() -> Record {
         corrections: Corrections::default(),
         wishes: Wishes {
             revision: 0,
-            picture: None,
+            snapshot: None,
         },
         fault: None,
         request: None,

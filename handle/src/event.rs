@@ -67,7 +67,7 @@ pub enum Event {
     OnStaleCopy,
     /// The server's process has gone.
     ServerGone,
-    /// A picture of the server's clay has come: the hand feels a copy of it from now on.
+    /// A snapshot of the server's clay has come: the hand feels a copy of it from now on.
     Copied {
         /// Which block.
         epoch: u32,

@@ -13,7 +13,7 @@
 //! frames from the one to the other; `brake` brings the handle to rest when loops are exchanged; `join` asks the server;
 //! `singularity` tells when a robot comes near one.
 //!
-//! `refresh` fetches what the loop wants to know while it runs: changed parameters, and pictures of the clay for the replica.
+//! `refresh` fetches what the loop wants to know while it runs: changed parameters, and snapshots of the clay for the replica.
 //!
 //! What follows from a silent server: within the allowed silence plus the ramp (0.15 s by default) the remote part of the force is zero, in
 //! the handle side itself. After a second of silence the server is asked for another lease, until there is one again. The handle then comes to rest, and

@@ -1,7 +1,7 @@
-//! What a handle asks the server for while it works: parameters that have changed, and pictures of the clay.
+//! What a handle asks the server for while it works: parameters that have changed, and snapshots of the clay.
 //!
 //! The tick only says what it wants ([`Wishes`]); here it is fetched, checked and built, on threads that may take their time. Nothing that a server
-//! answers is trusted: a picture that shows another block, misses bricks or holds clay where none can be is no picture.
+//! answers is trusted: a snapshot that shows another block, misses bricks or holds clay where none can be is no snapshot.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -9,7 +9,7 @@ use std::time::Duration;
 use teleclay_bilateral::{clay_shape, workplace};
 use teleclay_clay::{BrickView, Clay};
 use teleclay_link::replica::Workplace;
-use teleclay_link::scheme::replica::{Picture, WantedPicture};
+use teleclay_link::scheme::replica::{Snapshot, WantedSnapshot};
 use teleclay_proto::http::Validate;
 use teleclay_proto::join::LoopParameters;
 use teleclay_proto::keys::SessionKeys;
@@ -20,7 +20,7 @@ use zenoh::Session;
 /// After an answer, or none, nothing is asked for this long: what came has reached the tick by then, and a server that has just made a fresh block
 /// shows it in its mirror.
 pub(crate) const PAUSE: Duration = Duration::from_millis(100);
-/// A picture of the largest block takes seconds on its way.
+/// A snapshot of the largest block takes seconds on its way.
 const TIMEOUT: Duration = Duration::from_secs(10);
 /// Longer descriptions are not read: one of a session with the most tools and steps has a fifth of it.
 const LONGEST_TEXT: usize = 64 * 1024;
@@ -30,8 +30,8 @@ const LONGEST_TEXT: usize = 64 * 1024;
 pub(crate) struct Wishes {
     /// Revision of the parameters that the tool side works with.
     pub(crate) revision: u16,
-    /// The picture of the clay that it lacks.
-    pub(crate) picture: Option<WantedPicture>,
+    /// The snapshot of the clay that it lacks.
+    pub(crate) snapshot: Option<WantedSnapshot>,
 }
 
 /// Parameters that can change while a handle works.
@@ -46,13 +46,13 @@ pub(crate) struct Changed {
 pub(crate) struct Fresh {
     /// Parameters of the revision that was asked for, or of a later one.
     pub(crate) parameters: Option<Changed>,
-    /// The picture that was asked for.
-    pub(crate) picture: Option<Picture>,
+    /// The snapshot that was asked for.
+    pub(crate) snapshot: Option<Snapshot>,
     /// What that took on the way and to build.
     pub(crate) took: Duration,
 }
 
-/// Fetches what is wished for. Parameters come first: a picture is of use only where tool and place are known.
+/// Fetches what is wished for. Parameters come first: a snapshot is of use only where tool and place are known.
 ///
 /// # Errors
 /// Nobody answers, or nonsense; in words.
@@ -68,13 +68,13 @@ pub(crate) async fn refresh(
     } else {
         Some(parameters(&slow, &keys).await?)
     };
-    let picture = match wishes.picture {
+    let snapshot = match wishes.snapshot {
         None => None,
-        Some(wanted) => Some(picture(&slow, &keys, wanted.epoch).await?),
+        Some(wanted) => Some(snapshot(&slow, &keys, wanted.epoch).await?),
     };
     Ok(Fresh {
         parameters,
-        picture,
+        snapshot,
         took: began.elapsed(),
     })
 }
@@ -92,7 +92,7 @@ async fn parameters(slow: &Session, keys: &SessionKeys) -> Result<Changed, Strin
     })
 }
 
-async fn picture(slow: &Session, keys: &SessionKeys, epoch: u32) -> Result<Picture, String> {
+async fn snapshot(slow: &Session, keys: &SessionKeys, epoch: u32) -> Result<Snapshot, String> {
     let described: teleclay_proto::http::Session = text(slow, &keys.state()).await?;
     let clay = described.clay;
     if clay.epoch != epoch {
@@ -110,7 +110,7 @@ async fn picture(slow: &Session, keys: &SessionKeys, epoch: u32) -> Result<Pictu
     let built = tokio::task::spawn_blocking(move || build(&spec, epoch, &bricks));
     // It fails only where the program ends.
     let clay = built.await.map_err(|error| error.to_string())??;
-    Ok(Picture { clay, epoch })
+    Ok(Snapshot { clay, epoch })
 }
 
 /// The block of `spec` as the messages show it.
@@ -250,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn a_picture_is_the_clay_to_the_last_bit() {
+    fn a_snapshot_is_the_clay_to_the_last_bit() {
         let mut clay = cut_block();
         let messages = told(&clay, 4, |_| true);
         assert!(1 < messages.len());
@@ -261,7 +261,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_picture_of_this_block_is_refused_with_the_reason() {
+    fn what_is_no_snapshot_of_this_block_is_refused_with_the_reason() {
         let clay = cut_block();
         let whole = told(&clay, 4, |_| true);
         let why = |messages: &[Vec<u8>]| build(&spec(), 4, messages).map(|_| ()).unwrap_err();

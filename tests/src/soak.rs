@@ -20,7 +20,7 @@ const LOOK_EVERY: Duration = Duration::from_millis(500);
 const SIP_BYTES: usize = 1024;
 const SIP_EVERY: Duration = Duration::from_millis(250);
 
-/// How much more the second half of a run may need than the first, KiB: what the allocator's arenas settle by, and less than a picture of
+/// How much more the second half of a run may need than the first, KiB: what the allocator's arenas settle by, and less than a snapshot of
 /// the clay that were kept for each of the watchers who come back.
 const GROWTH_KIB: u64 = 2048;
 

@@ -17,7 +17,7 @@ use teleclay_link::deadband::{Deadband, DeadbandError, DeadbandSettings};
 use teleclay_link::replica::Workplace;
 use teleclay_link::round_trip::RoundTrip;
 use teleclay_link::safety::{ForceLimiter, NotFinite, Watchdog, check};
-use teleclay_link::scheme::replica::{Picture, ReplicaHandle, WantedPicture};
+use teleclay_link::scheme::replica::{ReplicaHandle, Snapshot, WantedSnapshot};
 use teleclay_link::scheme::{HandleEnd, HandlePort, handle_end};
 use teleclay_link::time::Timestamp;
 use teleclay_operator::DeviceSample;
@@ -270,19 +270,19 @@ impl HandleSide {
         self.is_due.then_some(&self.frame)
     }
 
-    /// The picture of the server's clay that is wanted here, if one is; a new number is a new wish.
-    pub fn wanted_picture(&self) -> Option<WantedPicture> {
-        self.end.replica()?.wanted_picture()
+    /// The snapshot of the server's clay that is wanted here, if one is; a new number is a new wish.
+    pub fn wanted_snapshot(&self) -> Option<WantedSnapshot> {
+        self.end.replica()?.wanted_snapshot()
     }
 
-    /// A picture of the server's clay. One that no scheme here has a use for waits to be dropped, see [`HandleSide::take_retired`].
-    pub fn on_picture(&mut self, picture: Picture) -> Option<Picture> {
+    /// A snapshot of the server's clay. One that no scheme here has a use for waits to be dropped, see [`HandleSide::take_retired`].
+    pub fn on_snapshot(&mut self, snapshot: Snapshot) -> Option<Snapshot> {
         match self.end.replica_mut() {
             Some(replica) => {
-                replica.on_picture(picture);
+                replica.on_snapshot(snapshot);
                 None
             }
-            None => Some(picture),
+            None => Some(snapshot),
         }
     }
 

@@ -4,7 +4,7 @@
 //! its command; then the session takes in what the lines delivered and steps. So without delay the tool side knows the hand's force of the same tick, and the
 //! handle side the clay's force at the present pose: both drive their admittance with the same net force.
 //!
-//! Pictures of the clay travel beside the lines, as on a stream that repeats what is lost: asked for at a delay up, taken from the clay then, there after a
+//! Snapshots of the clay travel beside the lines, as on a stream that repeats what is lost: asked for at a delay up, taken from the clay then, there after a
 //! delay down.
 
 use std::sync::Arc;
@@ -15,7 +15,7 @@ use teleclay_link::Vec3;
 use teleclay_link::deadband::{DeadbandError, DeadbandSettings};
 use teleclay_link::energy::Observer;
 use teleclay_link::replica::Workplace;
-use teleclay_link::scheme::replica::{Picture, ReplicaHandle, Turn};
+use teleclay_link::scheme::replica::{ReplicaHandle, Snapshot, Turn};
 use teleclay_link::time::Timestamp;
 use teleclay_operator::{Axes, DeviceSample, Intent, SimulatedHandle, SimulatedHandleError};
 use teleclay_proto::Scheme;
@@ -70,13 +70,13 @@ pub struct Traffic {
     pub bytes: u64,
 }
 
-/// A picture under way to a handle.
+/// A snapshot under way to a handle.
 struct UnderWay {
     number: u32,
     /// When the server takes it, and when it is there.
     taken: Timestamp,
     due: Timestamp,
-    picture: Option<Picture>,
+    snapshot: Option<Snapshot>,
 }
 
 /// One operator, with a place at the session.
@@ -88,7 +88,7 @@ struct Hand {
     observer: Observer,
     sent: Traffic,
     received_from: Traffic,
-    picture: Option<UnderWay>,
+    snapshot: Option<UnderWay>,
     /// Where somebody holds the handle fast, if somebody does.
     held: Option<DeviceSample>,
 }
@@ -117,7 +117,7 @@ impl Hand {
         let mut handle = HandleSide::new(parameters, lease)?;
         if parameters.scheme == Scheme::Replica {
             // The clay comes with the lease.
-            handle.on_picture(Picture {
+            handle.on_snapshot(Snapshot {
                 clay: Box::new(clay.clone()),
                 epoch: 1,
             });
@@ -134,7 +134,7 @@ impl Hand {
             observer: Observer::new(parameters.position_ratio * parameters.force_ratio),
             sent: Traffic::default(),
             received_from: Traffic::default(),
-            picture: None,
+            snapshot: None,
             held: None,
         })
     }
@@ -233,7 +233,7 @@ impl Rig {
     /// One tick.
     pub fn tick(&mut self) {
         let now = self.now;
-        self.deliver_pictures();
+        self.deliver_snapshots();
         let mut before = [None; MOST_HANDS];
         for (place, hand) in self.hands.iter_mut().enumerate() {
             before[place % MOST_HANDS] = Some(hand.step(now));
@@ -260,38 +260,38 @@ impl Rig {
         self.now = self.now.after(self.tick);
     }
 
-    fn deliver_pictures(&mut self) {
+    fn deliver_snapshots(&mut self) {
         let now = self.now;
         for hand in &mut self.hands {
-            if let Some(wanted) = hand.handle.wanted_picture() {
+            if let Some(wanted) = hand.handle.wanted_snapshot() {
                 let is_new = hand
-                    .picture
+                    .snapshot
                     .as_ref()
                     .is_none_or(|under_way| under_way.number != wanted.number);
                 if is_new {
                     let taken = now.after(self.lines.up.delay);
-                    hand.picture = Some(UnderWay {
+                    hand.snapshot = Some(UnderWay {
                         number: wanted.number,
                         taken,
                         due: taken.after(self.lines.down.delay),
-                        picture: None,
+                        snapshot: None,
                     });
                 }
             }
-            let Some(under_way) = &mut hand.picture else {
+            let Some(under_way) = &mut hand.snapshot else {
                 continue;
             };
-            if under_way.picture.is_none() && under_way.taken <= now {
-                under_way.picture = Some(Picture {
+            if under_way.snapshot.is_none() && under_way.taken <= now {
+                under_way.snapshot = Some(Snapshot {
                     clay: Box::new(self.session.clay().clone()),
                     epoch: self.session.turn().epoch,
                 });
             }
             if under_way.due <= now
-                && let Some(picture) = under_way.picture.take()
+                && let Some(snapshot) = under_way.snapshot.take()
             {
-                hand.handle.on_picture(picture);
-                hand.picture = None;
+                hand.handle.on_snapshot(snapshot);
+                hand.snapshot = None;
             }
         }
     }

@@ -151,7 +151,7 @@ fn the_hand_feels_no_network_and_the_server_gets_the_same_clay() {
         let replica = rig.replica().unwrap();
         assert_eq!(rig.tool().view().sweeps_refused, 0, "{what}");
         assert!(
-            replica.wanted_picture().is_none() && replica.state() == CopyState::Live,
+            replica.wanted_snapshot().is_none() && replica.state() == CopyState::Live,
             "{what}"
         );
     }
@@ -257,8 +257,8 @@ fn a_second_writer_jolts_nobody_and_brings_no_energy_that_was_not_earned() {
                 let gate = replica.copy().unwrap().gate();
                 steps[place] = steps[place].max(gate.step_n());
                 assert!(gate.injected_j() <= gate.earned_j() + 1e-12);
-                // What the other one cut comes as cuts. A picture would heal it as well, much later and at once.
-                assert!(replica.wanted_picture().is_none(), "{delay_ms} ms");
+                // What the other one cut comes as cuts. A snapshot would heal it as well, much later and at once.
+                assert!(replica.wanted_snapshot().is_none(), "{delay_ms} ms");
             }
             hidden = hidden.max(norm(rig.tool().view().hidden_force_n));
         }
@@ -377,7 +377,7 @@ fn only_work_that_the_hand_felt_fills_the_tank() {
     assert!(two < 1e-3 * three);
 }
 
-/// Something cuts the server's clay and tells nobody. The hashes tell, a picture heals, and what the hand cut meanwhile stays cut.
+/// Something cuts the server's clay and tells nobody. The hashes tell, a snapshot heals, and what the hand cut meanwhile stays cut.
 #[test]
 fn clay_that_came_to_differ_is_found_and_healed() {
     let mut rig = cutting_over(line(50, 0.2, 0.1), 5);
@@ -471,9 +471,9 @@ fn a_sweep_that_cannot_have_been_is_refused() {
     assert_eq!(rig.session().clay().removed_units(), removed);
 }
 
-/// A refusal says that the two differ, in the middle of a cut. One picture heals it, for what the hand has cut since it was taken is repeated on it.
+/// A refusal says that the two differ, in the middle of a cut. One snapshot heals it, for what the hand has cut since it was taken is repeated on it.
 #[test]
-fn one_picture_heals_a_copy_that_is_being_cut() {
+fn one_snapshot_heals_a_copy_that_is_being_cut() {
     let mut rig = cutting_over(line(50, 0.0, 0.0), 1);
     rig.run_for(Duration::from_secs(4));
     let mut forged = rig.handle().frame().clone();
@@ -490,17 +490,17 @@ fn one_picture_heals_a_copy_that_is_being_cut() {
     forged.sweeps.push(record).unwrap();
     let now = rig.now();
     rig.session_mut().on_frame(now, 0, forged);
-    let mut pictures = 0;
+    let mut snapshots = 0;
     for _ in 0..8000 {
         if rig.now() == now.after(Duration::from_secs(3)) {
             rig.hold_handles_fast();
         }
         rig.tick();
-        let wanted = rig.replica().unwrap().wanted_picture();
-        pictures = pictures.max(wanted.map_or(0, |wanted| wanted.number));
+        let wanted = rig.replica().unwrap().wanted_snapshot();
+        snapshots = snapshots.max(wanted.map_or(0, |wanted| wanted.number));
     }
     assert_eq!(rig.tool().view().sweeps_refused, 1);
-    assert_eq!(pictures, 1);
+    assert_eq!(snapshots, 1);
     assert_clay_is_one(&rig, "healed");
 }
 

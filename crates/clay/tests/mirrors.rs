@@ -133,9 +133,9 @@ proptest! {
     }
 
     /// A copy that takes the original's bricks, whatever it was itself, and then cuts what the original had not seen of its own cuts, holds
-    /// the cuts of both: this is how a replica takes in a picture.
+    /// the cuts of both: this is how a replica takes in a snapshot.
     #[test]
-    fn a_picture_and_the_sweeps_it_lacks_make_the_whole(common in sweeps(), own in sweeps(), others in sweeps(), only_changed in any::<bool>()) {
+    fn a_snapshot_and_the_sweeps_it_lacks_make_the_whole(common in sweeps(), own in sweeps(), others in sweeps(), only_changed in any::<bool>()) {
         let mut copy = cut_by(&[&common, &own]);
         let mut original = cut_by(&[&common]);
         let revision = original.revision();

@@ -454,12 +454,12 @@ fn a_request_waits_until_its_record_is_taken_and_is_told_once() {
     assert_eq!(requests, [Some(DeviceRequest::FreshClay), None, None]);
 }
 
-/// A small block, as a picture of it comes from the server.
-fn picture(epoch: u32) -> Picture {
+/// A small block, as a snapshot of it comes from the server.
+fn snapshot(epoch: u32) -> Snapshot {
     let shape = teleclay_clay::Shape::Block {
         size_m: [0.032, 0.016, 0.016],
     };
-    Picture {
+    Snapshot {
         clay: Box::new(teleclay_clay::Clay::new(&shape, 1e-3).unwrap()),
         epoch,
     }
@@ -476,7 +476,7 @@ fn discarded(bench: &mut Bench) -> Vec<&'static str> {
         kinds.push(match done_with {
             Discarded::Seat { .. } => "seat",
             Discarded::Workplace { .. } => "workplace",
-            Discarded::Picture { .. } => "picture",
+            Discarded::Snapshot { .. } => "snapshot",
             Discarded::Retired { .. } => "retired",
         });
     }
@@ -484,43 +484,43 @@ fn discarded(bench: &mut Bench) -> Vec<&'static str> {
 }
 
 #[test]
-fn under_the_replica_a_picture_is_wished_for_until_it_is_there_and_is_felt_from_then_on() {
+fn under_the_replica_a_snapshot_is_wished_for_until_it_is_there_and_is_felt_from_then_on() {
     let mut bench = Bench::new(Intent::Idle);
     bench.tool.frame.header.scheme = Scheme::Replica;
     bench.tool.frame.header.clay_epoch = 3;
     let record = bench.couple_for(5);
     assert_eq!(record.scheme, Scheme::Replica);
     assert_eq!(record.copy, CopyState::None);
-    let wanted = record.wishes.picture.expect("it lacks the clay");
+    let wanted = record.wishes.snapshot.expect("it lacks the clay");
     assert_eq!(wanted.epoch, 3);
 
     // Another block is of no use, nor is one that belongs to another lease; the wish stays.
     for (lease, epoch) in [(1, 2), (9, 3)] {
-        let picture = picture(epoch);
+        let snapshot = snapshot(epoch);
         assert!(
             bench
                 .ends
                 .orders
-                .push(Order::Show { lease, picture })
+                .push(Order::LoadSnapshot { lease, snapshot })
                 .is_ok()
         );
-        assert_eq!(bench.couple_for(1).wishes.picture, Some(wanted));
+        assert_eq!(bench.couple_for(1).wishes.snapshot, Some(wanted));
     }
     assert!(
         bench
             .ends
             .orders
-            .push(Order::Show {
+            .push(Order::LoadSnapshot {
                 lease: 1,
-                picture: picture(3),
+                snapshot: snapshot(3),
             })
             .is_ok()
     );
     let record = bench.couple_for(2);
-    assert_eq!(record.wishes.picture, None);
+    assert_eq!(record.wishes.snapshot, None);
     assert_eq!(record.copy, CopyState::Live);
     let kinds = discarded(&mut bench);
-    assert!(kinds.contains(&"picture"), "{kinds:?}");
+    assert!(kinds.contains(&"snapshot"), "{kinds:?}");
 }
 
 #[test]

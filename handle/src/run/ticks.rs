@@ -114,7 +114,7 @@ impl Run {
 
     /// Fetches what the tick wants to know, one thing after the other.
     fn refresh(&mut self, lease: u32, wishes: Wishes) {
-        let wants_any = wishes.revision != self.revision || wishes.picture.is_some();
+        let wants_any = wishes.revision != self.revision || wishes.snapshot.is_some();
         let (Some(line), Some((_, slow)), None, true) =
             (&self.line, &self.slow, &self.refreshing, wants_any)
         else {
@@ -139,7 +139,7 @@ impl Run {
         let orders = &mut rig.ends.orders;
         let Fresh {
             parameters,
-            picture,
+            snapshot,
             took,
         } = match fresh {
             Ok(fresh) => fresh,
@@ -157,9 +157,9 @@ impl Run {
         {
             self.revision = changed.revision;
         }
-        let Some(picture) = picture else { return };
-        let epoch = picture.epoch;
-        if orders.push(Order::Show { lease, picture }).is_ok() {
+        let Some(snapshot) = snapshot else { return };
+        let epoch = snapshot.epoch;
+        if orders.push(Order::LoadSnapshot { lease, snapshot }).is_ok() {
             self.tell(Event::Copied {
                 epoch,
                 took_s: took.as_secs_f64(),

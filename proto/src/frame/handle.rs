@@ -24,7 +24,7 @@ words! {
         Live = 1 "live",
         /// No frame has come for too long: the copy is felt but no longer cut.
         Stale = 2 "stale",
-        /// It was found to differ from the server's: a whole picture has been asked for.
+        /// It was found to differ from the server's: a snapshot has been asked for.
         Diverged = 3 "diverged",
     }
 }

@@ -1,6 +1,6 @@
 //! The copy of the clay at the handle's side: a tool that cuts it and feels it at once, and the corrections that come later.
 //!
-//! A tick goes in this order: pieces of a picture that is being brought up to date, the tool's own motion, corrections near the tool.
+//! A tick goes in this order: pieces of a snapshot that is being brought up to date, the tool's own motion, corrections near the tool.
 //! What the tool met before the corrections and what it meets after them differ at the same pose and speed; that difference goes through the
 //! [`ForceGate`].
 
@@ -116,8 +116,8 @@ pub struct Copy {
     answer: Vec3,
     gate: ForceGate,
     corrections: Vec<Cut>,
-    /// The clay was exchanged for another picture since the last tick.
-    is_fresh_picture: bool,
+    /// The clay was exchanged for another snapshot since the last tick.
+    is_fresh_snapshot: bool,
     hash: Option<u64>,
 }
 
@@ -133,7 +133,7 @@ impl Copy {
             answer: Vec3::zeros(),
             gate: ForceGate::new(limits),
             corrections: Vec::with_capacity(CORRECTIONS_WAITING),
-            is_fresh_picture: false,
+            is_fresh_snapshot: false,
             hash: None,
         }
     }
@@ -173,10 +173,10 @@ impl Copy {
         self.hash
     }
 
-    /// Exchanges the clay for another picture of the same block; gives back the old one.
+    /// Exchanges the clay for another snapshot of the same block; gives back the old one.
     pub fn exchange(&mut self, clay: Box<Clay>) -> Box<Clay> {
         self.hash = None;
-        self.is_fresh_picture = true;
+        self.is_fresh_snapshot = true;
         std::mem::replace(&mut self.clay, clay)
     }
 
@@ -203,12 +203,12 @@ impl Copy {
         !self.corrections.is_empty()
     }
 
-    /// Repeats a cut that the picture may not have yet. The force is settled in the next [`Copy::step`].
+    /// Repeats a cut that the snapshot may not have yet. The force is settled in the next [`Copy::step`].
     pub fn carve(&mut self, workplace: &Workplace, cut: Cut) {
         let removed = self.clay.carve(&sweep(workplace, cut));
         if 0 < removed {
             self.hash = None;
-            self.is_fresh_picture = true;
+            self.is_fresh_snapshot = true;
         }
     }
 
@@ -247,8 +247,8 @@ impl Copy {
             }
         };
         let mut force = Vec3::from(answer.force_n);
-        if std::mem::take(&mut self.is_fresh_picture) {
-            // The old picture is gone: what it answered a tick ago stands for what it would answer now.
+        if std::mem::take(&mut self.is_fresh_snapshot) {
+            // The old snapshot is gone: what it answered a tick ago stands for what it would answer now.
             self.gate
                 .on_correction(workplace.felt(self.answer), workplace.felt(force));
         }

@@ -145,7 +145,7 @@ pub trait HandleEnd: Send {
         None
     }
 
-    /// Likewise, to give it a picture.
+    /// Likewise, to give it a snapshot.
     fn replica_mut(&mut self) -> Option<&mut ReplicaHandle> {
         None
     }

@@ -21,27 +21,27 @@ use crate::scheme::{Coupling, HandleEnd, HandlePort};
 use crate::time::Timestamp;
 use crate::travel::{Recovery, Travel, Wish};
 
-/// A picture may be older than the request for it by this much: the server takes it from a mirror that follows its clay.
-const PICTURE_LAG: Duration = Duration::from_millis(500);
-/// Pictures are asked for no more often than this.
-const PICTURE_EVERY: Duration = Duration::from_secs(1);
-/// Cuts repeated on a fresh picture in one tick at most.
+/// A snapshot may be older than the request for it by this much: the server takes it from a mirror that follows its clay.
+const SNAPSHOT_LAG: Duration = Duration::from_millis(500);
+/// Snapshots are asked for no more often than this.
+const SNAPSHOT_EVERY: Duration = Duration::from_secs(1);
+/// Cuts repeated on a fresh snapshot in one tick at most.
 const REPEATS_A_TICK: usize = 24;
 /// With perceptual coding a frame goes out when this many sweeps wait for their first: a third of what a frame carries, so that every one goes out
 /// three times at least while the line is short.
 const SWEEPS_DUE: usize = 8;
 
-/// Asks the shell for a picture of the server's clay.
+/// Asks the shell for a snapshot of the server's clay.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct WantedPicture {
+pub struct WantedSnapshot {
     /// Which request this is; a new number is a new request.
     pub number: u32,
     /// The block that it should show.
     pub epoch: u32,
 }
 
-/// A picture of the server's clay.
-pub struct Picture {
+/// A snapshot of the server's clay.
+pub struct Snapshot {
     /// The clay.
     pub clay: Box<Clay>,
     /// Which block it is.
@@ -50,13 +50,13 @@ pub struct Picture {
 
 #[derive(Clone, Copy)]
 struct Request {
-    wanted: WantedPicture,
+    wanted: WantedSnapshot,
     at: Timestamp,
     /// Own sweeps up to this number were acknowledged then.
     acknowledged: u32,
 }
 
-/// Cuts to be repeated on a fresh picture, newest first: own ones above `own_floor`, others' that came after `since`.
+/// Cuts to be repeated on a fresh snapshot, newest first: own ones above `own_floor`, others' that came after `since`.
 #[derive(Clone, Copy)]
 struct Rebuild {
     own_next: u32,
@@ -160,28 +160,28 @@ impl ReplicaHandle {
         &self.log
     }
 
-    /// The picture that the shell should ask the server for, until it has come.
-    pub fn wanted_picture(&self) -> Option<WantedPicture> {
+    /// The snapshot that the shell should ask the server for, until it has come.
+    pub fn wanted_snapshot(&self) -> Option<WantedSnapshot> {
         self.request.map(|request| request.wanted)
     }
 
-    /// A picture came. What it replaces, or the picture itself if it shows another block, waits to be dropped elsewhere, see
+    /// A snapshot came. What it replaces, or the snapshot itself if it shows another block, waits to be dropped elsewhere, see
     /// [`ReplicaHandle::take_retired`].
-    pub fn on_picture(&mut self, picture: Picture) {
+    pub fn on_snapshot(&mut self, snapshot: Snapshot) {
         if self.epoch == 0 {
             // It came with the lease, before the first frame.
-            self.epoch = picture.epoch;
+            self.epoch = snapshot.epoch;
         }
-        if picture.epoch != self.epoch {
-            self.retired = Some(picture.clay);
+        if snapshot.epoch != self.epoch {
+            self.retired = Some(snapshot.clay);
             return;
         }
         let request = self.request.take();
-        let lag_ns = PICTURE_LAG.as_nanos() as u64;
+        let lag_ns = SNAPSHOT_LAG.as_nanos() as u64;
         let since = request.map_or(Timestamp::ZERO, |request| {
             Timestamp::from_nanos(request.at.as_nanos().saturating_sub(lag_ns))
         });
-        let lag_sweeps = (PICTURE_LAG.as_secs_f64() / self.workplace.travel.tick_s) as u32;
+        let lag_sweeps = (SNAPSHOT_LAG.as_secs_f64() / self.workplace.travel.tick_s) as u32;
         let acknowledged = request.map_or(0, |request| request.acknowledged);
         self.rebuild = Some(Rebuild {
             own_next: self.log.last(),
@@ -193,7 +193,7 @@ impl ReplicaHandle {
         });
         self.is_diverged = false;
         if let Some(copy) = &mut self.copy {
-            self.retired = Some(copy.exchange(picture.clay));
+            self.retired = Some(copy.exchange(snapshot.clay));
             return;
         }
         if let Some(far_tool) = self.far_tool {
@@ -203,8 +203,8 @@ impl ReplicaHandle {
         // Within reach, so on the lattice.
         let pose = Pose::quantise(at.into()).unwrap_or_default();
         self.copy = Some(Copy::new(
-            picture.clay,
-            picture.epoch,
+            snapshot.clay,
+            snapshot.epoch,
             pose,
             self.gate_limits(),
         ));
@@ -262,14 +262,14 @@ impl ReplicaHandle {
         if let Some(copy) = self.copy.take() {
             self.retired = Some(copy.into_clay());
         }
-        self.ask_for_picture(now);
+        self.ask_for_snapshot(now);
     }
 
-    fn ask_for_picture(&mut self, now: Timestamp) {
+    fn ask_for_snapshot(&mut self, now: Timestamp) {
         self.requests = self.requests.wrapping_add(1);
         self.asked_at = Some(now);
         self.request = Some(Request {
-            wanted: WantedPicture {
+            wanted: WantedSnapshot {
                 number: self.requests,
                 epoch: self.epoch,
             },
@@ -298,7 +298,7 @@ impl ReplicaHandle {
         }
     }
 
-    /// Repeats a few of the cuts that a fresh picture may not have.
+    /// Repeats a few of the cuts that a fresh snapshot may not have.
     fn go_on_rebuilding(&mut self) {
         let (Some(copy), Some(rebuild)) = (&mut self.copy, &mut self.rebuild) else {
             return;
@@ -401,9 +401,9 @@ impl HandleEnd for ReplicaHandle {
         self.compare(frame);
         let may_ask = self
             .asked_at
-            .is_none_or(|asked_at| PICTURE_EVERY < now.since(asked_at));
+            .is_none_or(|asked_at| SNAPSHOT_EVERY < now.since(asked_at));
         if self.is_diverged && self.request.is_none() && may_ask {
-            self.ask_for_picture(now);
+            self.ask_for_snapshot(now);
         }
     }
 

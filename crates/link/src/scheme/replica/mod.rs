@@ -20,8 +20,8 @@
 //! # Differences
 //!
 //! Both sides know a hash of their clay. When nothing is under way that changed any, the two must be equal; a refused sweep makes them differ at once. Then
-//! a picture of the server's clay is asked for ([`ReplicaHandle::wanted_picture`]). It is as old as the line is long; so every cut of which
-//! the picture may not know is repeated on it, newest first.
+//! a snapshot of the server's clay is asked for ([`ReplicaHandle::wanted_snapshot`]). It is as old as the line is long; so every cut of which
+//! the snapshot may not know is repeated on it, newest first.
 //!
 //! # What it cannot do
 //!
@@ -34,7 +34,7 @@ mod tool;
 
 use std::time::Duration;
 
-pub use handle::{Picture, ReplicaHandle, WantedPicture};
+pub use handle::{ReplicaHandle, Snapshot, WantedSnapshot};
 pub use tool::{Merged, ReplicaTool, Site, Turn};
 
 /// A copy that heard nothing for this long is not cut any more. A quarter of what the log holds at 1 kHz.
