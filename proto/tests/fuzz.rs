@@ -13,8 +13,8 @@ use teleclay_proto::join::{
 };
 use teleclay_proto::keys::Key;
 use teleclay_proto::watch::{
-    BRICK_VOXELS, BrickContent, BricksHeader, BricksWriter, ClientText, Message, PackedBrick,
-    Picture, TelemetryBatch, TelemetrySample, pack, unpack,
+    BRICK_VOXELS, BrickContent, BricksHeader, BricksKind, BricksWriter, ClientText, Message,
+    PackedBrick, TelemetryBatch, TelemetrySample, pack, unpack,
 };
 
 /// Inputs to the binary decoders; each goes to every decoder.
@@ -245,10 +245,10 @@ fn binary_seeds() -> Vec<Vec<u8>> {
         .expect("two samples fit");
     seeds.push(telemetry);
     let flat: [u8; BRICK_VOXELS] = std::array::from_fn(|voxel| if voxel < 1800 { 255 } else { 0 });
-    for picture in [Picture::Changes, Picture::Whole] {
+    for kind in [BricksKind::Delta, BricksKind::Keyframe] {
         let header = BricksHeader {
             bricks_per_axis: [3, 2, 2],
-            picture,
+            kind,
             ..BricksHeader::default()
         };
         let mut writer = BricksWriter::new(header, usize::MAX);

@@ -8,9 +8,9 @@ use teleclay_proto::frame::{
     SweepRecord, SweepRefusal, Sweeps, SweepsFull, ToolFrame,
 };
 use teleclay_proto::watch::{
-    BRICK_VOXELS, BrickBody, BrickContent, BricksHeader, BricksView, BricksWriter, MAX_PACKED,
-    MAX_SAMPLES, Message, Picture, TelemetryBatch, TelemetrySample, TelemetryView, TooManySamples,
-    pack, renumber, unpack,
+    BRICK_VOXELS, BrickBody, BrickContent, BricksHeader, BricksKind, BricksView, BricksWriter,
+    MAX_PACKED, MAX_SAMPLES, Message, TelemetryBatch, TelemetrySample, TelemetryView,
+    TooManySamples, pack, renumber, unpack,
 };
 use teleclay_proto::{FrameError, Scheme, is_after};
 
@@ -325,11 +325,11 @@ proptest! {
         bricks in vec((0..600_u32, proptest::option::of(any_brick())), 0..40),
         longest in 0..20_000_usize,
         sequence: u32,
-        whole: bool,
+        is_keyframe: bool,
     ) {
-        let picture = if whole { Picture::Whole } else { Picture::Changes };
+        let kind = if is_keyframe { BricksKind::Keyframe } else { BricksKind::Delta };
         let header = BricksHeader {
-            sequence, clay_epoch: 9, bricks_per_axis: [10, 10, 6], picture, voxel_size_m: 5e-4,
+            sequence, clay_epoch: 9, bricks_per_axis: [10, 10, 6], kind, voxel_size_m: 5e-4,
         };
         let mut writer = BricksWriter::new(header, longest);
         for (index, voxels) in &bricks {
@@ -337,13 +337,13 @@ proptest! {
             writer.push(*index, content).expect("the grid has 600 bricks");
         }
         let messages = writer.finish();
-        prop_assert_eq!(messages.is_empty(), bricks.is_empty() && !whole);
+        prop_assert_eq!(messages.is_empty(), bricks.is_empty() && !is_keyframe);
         let mut told = Vec::new();
         for (part, message) in messages.iter().enumerate() {
             let view = BricksView::decode(message).expect("it was encoded");
-            let picture = if part == 0 { picture } else { Picture::Changes };
+            let kind = if part == 0 { kind } else { BricksKind::Delta };
             let sequence = sequence.wrapping_add(part as u32);
-            prop_assert_eq!(view.header, BricksHeader { sequence, picture, ..header });
+            prop_assert_eq!(view.header, BricksHeader { sequence, kind, ..header });
             prop_assert!(message.len() <= longest || view.len() <= 1, "{} bytes", message.len());
             prop_assert!(!view.is_empty() || bricks.is_empty(), "a part that tells nothing");
             for brick in view.iter() {

@@ -18,7 +18,7 @@ use teleclay_proto::join::{
 };
 use teleclay_proto::keys::{self, Key, Leaf, SessionKeys};
 use teleclay_proto::watch::{
-    BRICK_VOXELS, BrickContent, BricksHeader, BricksWriter, MAX_MESSAGE, Picture,
+    BRICK_VOXELS, BrickContent, BricksHeader, BricksKind, BricksWriter, MAX_MESSAGE,
 };
 use teleclay_proto::{NodeName, SessionId};
 use teleclay_shell::Clock;
@@ -447,10 +447,10 @@ fn write_bricks(clay: &Clay, epoch: u32, since: Option<u64>) -> Vec<Vec<u8>> {
         sequence: 0,
         clay_epoch: epoch,
         bricks_per_axis: grid.bricks(),
-        picture: if since.is_none() {
-            Picture::Whole
+        kind: if since.is_none() {
+            BricksKind::Keyframe
         } else {
-            Picture::Changes
+            BricksKind::Delta
         },
         voxel_size_m: grid.voxel_size_m() as f32,
     };

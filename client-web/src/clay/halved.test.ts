@@ -4,8 +4,8 @@ import { BRICK_EDGE, BRICK_VOXELS } from "../protocol/packing";
 import { halved } from "./halved";
 import { ClayMirror } from "./mirror";
 
-const message = (bricks: BrickUpdate[], whole: boolean): BricksMessage =>
-  ({ sequence: 1, clay_epoch: 1, bricks_per_axis: [3, 2, 2], whole, voxel_size_m: 5e-4, bricks });
+const message = (bricks: BrickUpdate[], keyframe: boolean): BricksMessage =>
+  ({ sequence: 1, clay_epoch: 1, bricks_per_axis: [3, 2, 2], keyframe, voxel_size_m: 5e-4, bricks });
 
 describe("clay at half the resolution", () => {
   it("keeps every voxel's clay, in its place", () => {
@@ -41,7 +41,7 @@ describe("clay at half the resolution", () => {
     expect(mirror.isUniform(mirror.voxels(0, 0, 0), 255)).toBe(true);
   });
 
-  it("forgets all that was, when a whole picture begins", () => {
+  it("forgets all that was, when a keyframe comes", () => {
     const mirror = new ClayMirror();
     mirror.apply(halved(message([{ index: 0, content: "full" }], true), mirror));
     mirror.apply(halved(message([{ index: 1, content: "full" }], true), mirror));

@@ -11,7 +11,7 @@ export function halved(message: BricksMessage, mirror: ClayMirror): BricksMessag
   const [nx, ny, nz] = message.bricks_per_axis;
   const perAxis = [Math.ceil(nx / 2), Math.ceil(ny / 2), Math.ceil(nz / 2)] as const;
   const voxel_size_m = 2 * message.voxel_size_m;
-  const anew = message.whole || mirror.voxel_size_m !== voxel_size_m || perAxis.some((n, axis) => n !== mirror.perAxis[axis]);
+  const anew = message.keyframe || mirror.voxel_size_m !== voxel_size_m || perAxis.some((n, axis) => n !== mirror.perAxis[axis]);
   const coarse = new Map<number, Uint8Array>();
   for (const { index, content } of message.bricks) {
     const [x, y, z] = [index % nx, Math.floor(index / nx) % ny, Math.floor(index / (nx * ny))];

@@ -33,7 +33,7 @@ export class ClayMirror {
     if (MOST_BRICKS < count) throw new RangeError(`a grid of ${count} bricks, this page holds ${MOST_BRICKS}`);
     const regridded =
       message.voxel_size_m !== this.voxel_size_m || message.bricks_per_axis.some((n, i) => n !== this.perAxis[i]);
-    if (regridded || message.whole) this.#forget(message);
+    if (regridded || message.keyframe) this.#forget(message);
     this.epoch = message.clay_epoch;
     for (const update of message.bricks) this.#replace(update);
     return regridded;

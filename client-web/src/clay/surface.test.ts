@@ -61,7 +61,7 @@ describe("the surface", () => {
     mirror.apply(message([3, 3, 3], before));
     const meshes = meshStale(mirror, new Map());
     const whole = message([3, 3, 3], after);
-    mirror.apply({ ...whole, whole: false });
+    mirror.apply({ ...whole, keyframe: false });
     expect(mirror.staleBricks).toBeLessThan(27);
     meshStale(mirror, meshes);
     const anew = meshAll(fill([3, 3, 3], after));
@@ -76,7 +76,7 @@ describe("the mirror", () => {
     const all = message([3, 3, 3], cuts.diagonal);
     mirror.apply(all);
     meshStale(mirror, new Map());
-    mirror.apply({ ...all, whole: false });
+    mirror.apply({ ...all, keyframe: false });
     expect(mirror.staleBricks).toBe(0);
   });
 
@@ -86,7 +86,7 @@ describe("the mirror", () => {
     meshStale(mirror, new Map());
     const hole = new Uint8Array(4096).fill(255);
     hole[8 + 16 * (8 + 16 * 8)] = 0;
-    mirror.apply({ ...message([3, 3, 3], () => 255), whole: false, bricks: [{ index: 13, content: hole }] });
+    mirror.apply({ ...message([3, 3, 3], () => 255), keyframe: false, bricks: [{ index: 13, content: hole }] });
     expect(mirror.staleBricks).toBe(1);
     expect(mirror.takeStale()).toBe(13);
   });
@@ -97,7 +97,7 @@ describe("the mirror", () => {
     expect(mirror.apply(message([1, 1, 1], () => 255))).toBe(true);
   });
 
-  it("forgets what it held when a whole picture starts, and says when the grid is another one", () => {
+  it("forgets what it held when a keyframe comes, and says when the grid is another one", () => {
     const mirror = new ClayMirror();
     expect(mirror.apply(message([2, 2, 2], () => 255))).toBe(true);
     meshStale(mirror, new Map());
@@ -146,7 +146,7 @@ function message(perAxis: [number, number, number], field: Field): BricksMessage
     const uniform = voxels.every((v) => v === voxels[0]) && (voxels[0] === 0 || voxels[0] === 255);
     bricks.push({ index, content: uniform ? (voxels[0] === 0 ? "empty" : "full") : voxels });
   }
-  return { sequence: 0, clay_epoch: 1, bricks_per_axis: perAxis, whole: true, voxel_size_m: 5e-4, bricks };
+  return { sequence: 0, clay_epoch: 1, bricks_per_axis: perAxis, keyframe: true, voxel_size_m: 5e-4, bricks };
 }
 
 function fill(perAxis: [number, number, number], field: Field): ClayMirror {

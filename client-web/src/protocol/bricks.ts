@@ -5,7 +5,7 @@ import { pack, unpack } from "./packing";
 
 const FIXED_BYTES = HEADER_BYTES + 20;
 const BRICK_HEADER_BYTES = 8;
-const WHOLE = 1;
+const KEYFRAME = 1;
 
 const Form = { empty: 0, full: 1, packed: 2 } as const;
 
@@ -19,8 +19,8 @@ export interface BricksMessage {
   /** Rises with every fresh block. */
   readonly clay_epoch: number;
   readonly bricks_per_axis: readonly [number, number, number];
-  /** A whole picture starts here: bricks held before are to be forgotten, and what is not told from here on is empty. */
-  readonly whole: boolean;
+  /** A keyframe starts here: bricks held before are to be forgotten, and what is not told from here on is empty. */
+  readonly keyframe: boolean;
   readonly voxel_size_m: number;
   readonly bricks: readonly BrickUpdate[];
 }
@@ -32,7 +32,7 @@ export function decodeBricks(buffer: ArrayBuffer): BricksMessage {
     throw new DecodeError(`bricks have ${bytes.byteLength} bytes, their fixed part needs ${FIXED_BYTES}`);
   }
   const flags = bytes.getUint16(18, true);
-  if ((flags & ~WHOLE) !== 0) throw new DecodeError(`flags 0x${flags.toString(16)} are unknown`);
+  if ((flags & ~KEYFRAME) !== 0) throw new DecodeError(`flags 0x${flags.toString(16)} are unknown`);
   const perAxis = [bytes.getUint16(12, true), bytes.getUint16(14, true), bytes.getUint16(16, true)] as const;
   const count = bytes.getUint32(24, true);
   const bricks: BrickUpdate[] = [];
@@ -47,7 +47,7 @@ export function decodeBricks(buffer: ArrayBuffer): BricksMessage {
     sequence,
     clay_epoch: bytes.getUint32(8, true),
     bricks_per_axis: perAxis,
-    whole: flags === WHOLE,
+    keyframe: flags === KEYFRAME,
     voxel_size_m: bytes.getFloat32(20, true),
     bricks,
   };
@@ -79,7 +79,7 @@ export function encodeBricks(message: BricksMessage): ArrayBuffer {
   encodeHeader(bytes, { kind: Kind.bricks, sequence: message.sequence });
   bytes.setUint32(8, message.clay_epoch, true);
   message.bricks_per_axis.forEach((n, axis) => bytes.setUint16(12 + 2 * axis, n, true));
-  bytes.setUint16(18, message.whole ? WHOLE : 0, true);
+  bytes.setUint16(18, message.keyframe ? KEYFRAME : 0, true);
   bytes.setFloat32(20, message.voxel_size_m, true);
   bytes.setUint32(24, message.bricks.length, true);
   let at = FIXED_BYTES;

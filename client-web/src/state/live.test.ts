@@ -98,7 +98,7 @@ describe("what the stream brings", () => {
     expect(live.history.newest_s).toBe(4);
     const passed: ArrayBuffer[] = [];
     live.onBricks = (bytes) => passed.push(bytes);
-    const bricks: BricksMessage = { sequence: 2, clay_epoch: 1, bricks_per_axis: [1, 1, 1], whole: true, voxel_size_m: 1, bricks: [] };
+    const bricks: BricksMessage = { sequence: 2, clay_epoch: 1, bricks_per_axis: [1, 1, 1], keyframe: true, voxel_size_m: 1, bricks: [] };
     events.onBinary(encodeBricks(bricks));
     expect(passed).toHaveLength(1);
   });

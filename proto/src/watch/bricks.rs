@@ -14,8 +14,8 @@ const BRICK_FIXED: usize = 8;
 /// Where in a message the number of its bricks stands.
 const COUNT_AT: usize = FIXED - 4;
 
-/// Set in the first message of a whole picture.
-const FLAG_WHOLE: u16 = 1;
+/// Set in the first message of a keyframe.
+const FLAG_KEYFRAME: u16 = 1;
 
 /// Kind of a brick whose every voxel is 0.
 const EMPTY: u8 = 0;
@@ -24,14 +24,14 @@ const FULL: u8 = 1;
 /// Kind of a brick whose voxels follow, packed.
 const PACKED: u8 = 2;
 
-/// Whether a message stands by itself.
+/// What a message is to the bricks that came before it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Picture {
+pub enum BricksKind {
     /// Forget all bricks held before: what is not told from here on is empty.
-    Whole,
+    Keyframe,
     /// These bricks replace the ones held before.
     #[default]
-    Changes,
+    Delta,
 }
 
 /// What a message says about its bricks.
@@ -43,8 +43,8 @@ pub struct BricksHeader {
     pub clay_epoch: u32,
     /// Bricks of the grid along x, y, z.
     pub bricks_per_axis: [u16; 3],
-    /// Whether the message stands by itself.
-    pub picture: Picture,
+    /// Whether the message begins a keyframe or is a delta.
+    pub kind: BricksKind,
     /// Edge of a voxel, m.
     pub voxel_size_m: f32,
 }
@@ -133,9 +133,9 @@ impl<'a> BricksView<'a> {
         let sequence = read_prefix_of(Kind::Bricks, &mut reader)?;
         let clay_epoch = reader.u32()?;
         let bricks_per_axis = [reader.u16()?, reader.u16()?, reader.u16()?];
-        let picture = match reader.u16()? {
-            0 => Picture::Changes,
-            FLAG_WHOLE => Picture::Whole,
+        let kind = match reader.u16()? {
+            0 => BricksKind::Delta,
+            FLAG_KEYFRAME => BricksKind::Keyframe,
             _ => return Err(FrameError::ReservedNotZero { field: "flags" }),
         };
         let voxel_size_m = reader.f32()?;
@@ -144,7 +144,7 @@ impl<'a> BricksView<'a> {
             sequence,
             clay_epoch,
             bricks_per_axis,
-            picture,
+            kind,
             voxel_size_m,
         };
         let bricks = &bytes[FIXED..];
@@ -247,8 +247,8 @@ impl BricksWriter {
             messages: Vec::new(),
             packed: Vec::with_capacity(MAX_PACKED),
         };
-        if header.picture == Picture::Whole {
-            // Even a picture without bricks says that those held before are gone.
+        if header.kind == BricksKind::Keyframe {
+            // Even a keyframe without bricks says that those held before are gone.
             writer.start();
         }
         writer
@@ -309,8 +309,8 @@ impl BricksWriter {
     fn start(&mut self) {
         let mut message = Vec::with_capacity(self.longest.min(FIXED + BRICK_FIXED + MAX_PACKED));
         let part = self.messages.len() as u32;
-        let flags = if part == 0 && self.header.picture == Picture::Whole {
-            FLAG_WHOLE
+        let flags = if part == 0 && self.header.kind == BricksKind::Keyframe {
+            FLAG_KEYFRAME
         } else {
             0
         };

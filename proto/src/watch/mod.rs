@@ -18,7 +18,9 @@ mod pack;
 mod telemetry;
 mod text;
 
-pub use bricks::{Brick, BrickBody, BrickContent, BricksHeader, BricksView, BricksWriter, Picture};
+pub use bricks::{
+    Brick, BrickBody, BrickContent, BricksHeader, BricksKind, BricksView, BricksWriter,
+};
 pub use pack::{BRICK_EDGE, BRICK_VOXELS, MAX_PACKED, PackedBrick, pack, unpack};
 pub use telemetry::{MAX_SAMPLES, TelemetryBatch, TelemetrySample, TelemetryView, TooManySamples};
 pub use text::{ClientText, Level, ServerText, Switch};
@@ -34,7 +36,7 @@ pub const MAGIC: [u8; 2] = *b"TC";
 /// Version of the layouts.
 pub const VERSION: u8 = 1;
 
-/// Longest message that a server writes to a WebSocket. Longer pictures are split: a browser should not wait for a
+/// Longest message that a server writes to a WebSocket. Longer keyframes are split: a browser should not wait for a
 /// megabyte before it draws, nor a server hold one for each slow reader.
 pub const MAX_MESSAGE: usize = 256 * 1024;
 

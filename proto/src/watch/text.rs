@@ -67,7 +67,7 @@ pub enum ClientText {
     Subscribe {
         /// Telemetry of every tool.
         telemetry: Switch,
-        /// Bricks: a whole picture, then changes.
+        /// Bricks: a keyframe, then deltas.
         bricks: Switch,
     },
     /// As `PATCH /sessions/{id}`.

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
 use teleclay_proto::http::{Problem, Session};
-use teleclay_proto::watch::{BrickBody, Message as Binary, Picture, ServerText};
+use teleclay_proto::watch::{BrickBody, BricksKind, Message as Binary, ServerText};
 use tokio_tungstenite::tungstenite::handshake::client::generate_key;
 use tokio_tungstenite::tungstenite::http::Request;
 use tokio_tungstenite::tungstenite::protocol::frame::Frame;
@@ -326,7 +326,7 @@ fn pings_of_either_sort_are_answered() {
 }
 
 /// Reads bricks until every one of them was told; the epoch, and whether they were all full.
-fn whole_picture(stream: &mut Stream, bricks: usize) -> (u32, bool) {
+fn keyframe(stream: &mut Stream, bricks: usize) -> (u32, bool) {
     let began = Instant::now();
     let mut told = Vec::new();
     let mut all_full = true;
@@ -343,7 +343,7 @@ fn whole_picture(stream: &mut Stream, bricks: usize) -> (u32, bool) {
         let Binary::Bricks(view) = Binary::decode(&bytes).unwrap() else {
             continue;
         };
-        if view.header.picture == Picture::Whole {
+        if view.header.kind == BricksKind::Keyframe {
             told.clear();
             all_full = true;
             epoch = Some(view.header.clay_epoch);
@@ -351,7 +351,7 @@ fn whole_picture(stream: &mut Stream, bricks: usize) -> (u32, bool) {
         assert_eq!(
             Some(view.header.clay_epoch),
             epoch,
-            "changes of what was never shown"
+            "a delta of what was never shown"
         );
         for brick in view.iter() {
             assert!(
@@ -367,21 +367,21 @@ fn whole_picture(stream: &mut Stream, bricks: usize) -> (u32, bool) {
 }
 
 #[test]
-fn bricks_begin_with_a_whole_picture_and_so_does_every_fresh_block() {
+fn bricks_begin_with_a_keyframe_and_so_does_every_fresh_block() {
     let rig = shared();
     let site = rig.site();
     let session = rig.session(&site);
     let mut stream = Stream::open(&site, &session);
     stream.subscribe("off", "on");
-    let (epoch, all_full) = whole_picture(&mut stream, 4 * 4 * 2);
+    let (epoch, all_full) = keyframe(&mut stream, 4 * 4 * 2);
     assert!(all_full);
     stream.say(&json!({ "type": "reset", "clay": { "shape": { "kind": "block", "size_m": [0.032, 0.016, 0.016] } } }));
-    let (after, all_full) = whole_picture(&mut stream, 2);
+    let (after, all_full) = keyframe(&mut stream, 2);
     assert!(all_full && after != epoch);
-    // Asked for anew, the picture is whole again.
+    // Asked for anew, bricks begin with a keyframe again.
     stream.subscribe("off", "off");
     stream.subscribe("off", "on");
-    assert_eq!(whole_picture(&mut stream, 2), (after, true));
+    assert_eq!(keyframe(&mut stream, 2), (after, true));
     site.delete(&format!("/api/v1/sessions/{session}"));
 }
 
@@ -478,7 +478,7 @@ fn what_breaks_the_protocol_ends_the_stream_with_its_code() {
     site.delete(&format!("/api/v1/sessions/{session}"));
 }
 
-/// Fresh blocks without pause, each of 4096 bricks: a picture of 32 kB, wanted many times a second.
+/// Fresh blocks without pause, each of 4096 bricks: a keyframe of 32 kB, wanted many times a second.
 fn fresh_block(thickness_m: f64) -> Value {
     json!({ "shape": { "kind": "block", "size_m": [0.512, 0.512, thickness_m] } })
 }

@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 use teleclay_proto::frame::{HandleFrame, Header, Sweeps, ToolFrame};
 use teleclay_proto::http::ClayHash;
-use teleclay_proto::watch::{BRICK_VOXELS, BrickBody, BricksView, Picture, TelemetryView};
+use teleclay_proto::watch::{BRICK_VOXELS, BrickBody, BricksKind, BricksView, TelemetryView};
 
 /// A handle frame as the vectors tell it.
 pub fn handle_frame_value(frame: &HandleFrame) -> Value {
@@ -111,7 +111,7 @@ pub fn bricks_value(view: &BricksView<'_>) -> Value {
         "sequence": view.header.sequence,
         "clay_epoch": view.header.clay_epoch,
         "bricks_per_axis": view.header.bricks_per_axis,
-        "whole": view.header.picture == Picture::Whole,
+        "keyframe": view.header.kind == BricksKind::Keyframe,
         "voxel_size_m": float(view.header.voxel_size_m.into()),
         "bricks": bricks,
     })

@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 use teleclay_proto::frame::{HandleFrame, MAX_FRAME, ToolFrame};
 use teleclay_proto::watch::{
-    BRICK_VOXELS, BrickContent, BricksHeader, BricksView, BricksWriter, Picture, TelemetryBatch,
+    BRICK_VOXELS, BrickContent, BricksHeader, BricksKind, BricksView, BricksWriter, TelemetryBatch,
     TelemetrySample, TelemetryView, pack,
 };
 
@@ -73,30 +73,30 @@ pub(super) fn bricks() -> Value {
         let value = bricks_value(&BricksView::decode(message).expect("what was encoded decodes"));
         json!({ "name": name, "hex": hex(message), "value": value })
     };
-    let whole = BricksHeader {
+    let keyframe = BricksHeader {
         sequence: 0,
         clay_epoch: 3,
         bricks_per_axis: [16, 8, 8],
-        picture: Picture::Whole,
+        kind: BricksKind::Keyframe,
         voxel_size_m: 0.000_5,
     };
-    let changes = BricksHeader {
+    let delta = BricksHeader {
         sequence: 0x0807_0605,
-        picture: Picture::Changes,
-        ..whole
+        kind: BricksKind::Delta,
+        ..keyframe
     };
     let (flat, ball) = (flat_top(), ball());
     json!({
         "about": "bricks of clay",
         "cases": [
-            case("a whole picture without bricks", &whole, &[]),
-            case("a whole picture", &whole, &[
+            case("a keyframe without bricks", &keyframe, &[]),
+            case("a keyframe", &keyframe, &[
                 (0, BrickContent::Full),
                 (1, BrickContent::Empty),
                 (17, BrickContent::Voxels(&flat)),
                 (1023, BrickContent::Voxels(&ball)),
             ]),
-            case("one change", &changes, &[(512, BrickContent::Voxels(&flat))]),
+            case("a delta of one brick", &delta, &[(512, BrickContent::Voxels(&flat))]),
         ],
     })
 }

@@ -4,9 +4,11 @@
 //! hundred times is sent once, as it is when its turn comes.
 
 use teleclay_clay::{BRICK_VOXELS, BrickView, Clay};
-use teleclay_proto::watch::{BrickContent, BricksHeader, BricksWriter, PackedBrick, Picture, pack};
+use teleclay_proto::watch::{
+    BrickContent, BricksHeader, BricksKind, BricksWriter, PackedBrick, pack,
+};
 
-/// Longest message, so that telemetry does not wait behind a picture.
+/// Longest message, so that telemetry does not wait behind a keyframe.
 const LONGEST: usize = 32 * 1024;
 
 /// Bytes that a brick takes besides its voxels; as much as an empty or full one takes at all.
@@ -16,7 +18,7 @@ const BRICK_HEAD: usize = 8;
 #[derive(Default)]
 pub(super) struct Follower {
     sequence: u32,
-    picture: Option<Seen>,
+    seen: Option<Seen>,
 }
 
 /// What the watcher has of the present block.
@@ -32,7 +34,7 @@ struct Seen {
 
 impl Follower {
     /// The messages that bring the watcher nearer to the clay: at most `most_bytes`, and one brick more. A fresh watcher
-    /// and a fresh block get a whole picture first; what does not fit into one call comes with the next ones.
+    /// and a fresh block get a keyframe first; what does not fit into one call comes with the next ones.
     pub(super) fn follow(&mut self, clay: &Clay, epoch: u32, most_bytes: usize) -> Vec<Vec<u8>> {
         if most_bytes == 0 {
             return Vec::new();
@@ -43,29 +45,29 @@ impl Follower {
             sequence: self.sequence,
             clay_epoch: epoch,
             bricks_per_axis: grid.bricks(),
-            picture: Picture::Changes,
+            kind: BricksKind::Delta,
             voxel_size_m: grid.voxel_size_m() as f32,
         };
         let known = self
-            .picture
+            .seen
             .take_if(|seen| seen.epoch == epoch && seen.due_from.len() == bricks);
         let mut seen = known.unwrap_or_else(|| {
-            header.picture = Picture::Whole;
+            header.kind = BricksKind::Keyframe;
             Seen::nothing(epoch, bricks)
         });
         let mut writer = BricksWriter::new(header, LONGEST);
         if seen.complete_at != Some(clay.revision()) {
             seen.send_due(clay, &mut writer, most_bytes);
         }
-        self.picture = Some(seen);
+        self.seen = Some(seen);
         let messages = writer.finish();
         self.sequence = self.sequence.wrapping_add(messages.len() as u32);
         messages
     }
 
-    /// The watcher does not want bricks for a while; the next picture is a whole one. Sequence numbers go on.
+    /// The watcher does not want bricks for a while; the next ones begin with a keyframe. Sequence numbers go on.
     pub(super) fn rest(&mut self) {
-        self.picture = None;
+        self.seen = None;
     }
 }
 
@@ -97,7 +99,7 @@ impl Seen {
             if revision < *due_from {
                 continue;
             }
-            // A whole picture starts out empty.
+            // A keyframe starts out empty.
             let is_news = *due_from != 0;
             *due_from = revision + 1;
             let content = match clay.brick(index) {
@@ -150,7 +152,7 @@ mod tests {
                 self.messages += 1;
                 self.bytes += message.len();
                 assert!(message.len() <= LONGEST + 8192);
-                if view.header.picture == Picture::Whole {
+                if view.header.kind == BricksKind::Keyframe {
                     self.bricks.clear();
                 }
                 for brick in view.iter() {
@@ -264,7 +266,7 @@ mod tests {
     }
 
     #[test]
-    fn a_fresh_block_starts_a_fresh_picture_even_of_another_size() {
+    fn a_fresh_block_starts_a_keyframe_even_of_another_size() {
         let mut follower = Follower::default();
         let mut mirror = Mirror::default();
         mirror.take(&follower.follow(&clay(), 0, usize::MAX));
@@ -285,14 +287,14 @@ mod tests {
     }
 
     #[test]
-    fn after_a_rest_the_picture_is_whole_again() {
+    fn after_a_rest_comes_a_keyframe_again() {
         let clay = clay();
         let mut follower = Follower::default();
         let first = follower.follow(&clay, 0, usize::MAX);
         follower.rest();
         let again = follower.follow(&clay, 0, usize::MAX);
         let view = BricksView::decode(&again[0]).unwrap();
-        assert_eq!(view.header.picture, Picture::Whole);
+        assert_eq!(view.header.kind, BricksKind::Keyframe);
         assert_eq!(view.header.sequence, first.len() as u32);
     }
 }

@@ -5,7 +5,7 @@ use std::time::Instant;
 /// Bytes per second that a watcher gets: 2 Mbit/s, a tenth of what a modest wireless link carries.
 const BYTES_PER_S: f64 = 250_000.0;
 
-/// Bytes that may be saved up, and that may be owed: one second's. A first picture of the clay then comes at once.
+/// Bytes that may be saved up, and that may be owed: one second's. A first keyframe of the clay then comes at once.
 const BURST_BYTES: f64 = BYTES_PER_S;
 
 /// Bytes that may still be sent. Bricks wait for it; the rest is small, is sent anyway, and is taken off.

@@ -27,7 +27,7 @@ const TICK: Duration = Duration::from_millis(40);
 /// Ticks from state to state: 5 Hz, as fast as people read numbers.
 const TICKS_PER_STATE: u32 = 5;
 
-/// Bytes of bricks that one tick may send, so that the clay is not held, nor telemetry kept waiting, for a whole picture.
+/// Bytes of bricks that one tick may send, so that the clay is not held, nor telemetry kept waiting, for a keyframe.
 const BRICKS_PER_TICK: usize = 64 * 1024;
 
 /// A watcher that does not take a message within this is gone, or as good as gone.
