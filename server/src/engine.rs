@@ -462,7 +462,7 @@ fn record(running: &Running, now: Timestamp) -> SessionRecord {
     let mut record = SessionRecord {
         session: running.number,
         ticks: session.ticks(),
-        clay_epoch: running.session.turn().epoch,
+        clay_epoch: running.session.generation().epoch,
         initial_units: session.clay().initial_units(),
         remaining_units: session.clay().remaining_units(),
         frames_sent: running.frames_sent,
@@ -486,7 +486,7 @@ fn record(running: &Running, now: Timestamp) -> SessionRecord {
 
 fn hand_over_bricks(running: &mut Running) {
     let most = running.bricks.slots().min(BRICKS_AT_ONCE);
-    let (bricks, clay_epoch) = (&mut running.bricks, running.session.turn().epoch);
+    let (bricks, clay_epoch) = (&mut running.bricks, running.session.generation().epoch);
     running
         .session
         .clay_mut()

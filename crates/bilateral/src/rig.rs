@@ -15,7 +15,7 @@ use teleclay_link::Vec3;
 use teleclay_link::deadband::{DeadbandError, DeadbandSettings};
 use teleclay_link::energy::Observer;
 use teleclay_link::replica::Workplace;
-use teleclay_link::scheme::replica::{ReplicaHandle, Snapshot, Turn};
+use teleclay_link::scheme::replica::{Generation, ReplicaHandle, Snapshot};
 use teleclay_link::time::Timestamp;
 use teleclay_operator::{Axes, DeviceSample, Intent, SimulatedHandle, SimulatedHandleError};
 use teleclay_proto::Scheme;
@@ -284,7 +284,7 @@ impl Rig {
             if under_way.snapshot.is_none() && under_way.taken <= now {
                 under_way.snapshot = Some(Snapshot {
                     clay: Box::new(self.session.clay().clone()),
-                    epoch: self.session.turn().epoch,
+                    epoch: self.session.generation().epoch,
                 });
             }
             if under_way.due <= now
@@ -343,19 +343,19 @@ impl Rig {
 
     /// Changes the scheme of every operator, as a new revision of the parameters.
     pub fn change_scheme(&mut self, scheme: Scheme) {
-        let revision = self.session.turn().since_revision.wrapping_add(1);
+        let revision = self.session.generation().since_revision.wrapping_add(1);
         self.session.change_scheme(scheme, revision);
     }
 
     /// A fresh block of the shape and size of the first, as a new revision of the parameters.
     pub fn fresh_block(&mut self) {
-        let turn = self.session.turn();
+        let generation = self.session.generation();
         let mut fresh = FreshBlock {
             clay: self.block.clone(),
             workplace: Arc::clone(&self.workplace),
-            turn: Turn {
-                since_revision: turn.since_revision.wrapping_add(1),
-                epoch: turn.epoch.wrapping_add(1),
+            generation: Generation {
+                since_revision: generation.since_revision.wrapping_add(1),
+                epoch: generation.epoch.wrapping_add(1),
             },
             before: Vec::new(),
         };

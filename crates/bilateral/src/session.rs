@@ -7,7 +7,7 @@ use teleclay_link::conditioner::{Conditioner, Impairment};
 use teleclay_link::deadband::DeadbandError;
 use teleclay_link::replica::{Cut, Workplace};
 use teleclay_link::safety::NotFinite;
-use teleclay_link::scheme::replica::Turn;
+use teleclay_link::scheme::replica::Generation;
 use teleclay_link::time::Timestamp;
 use teleclay_proto::Scheme;
 use teleclay_proto::frame::{HandleFrame, ToolFrame};
@@ -45,7 +45,7 @@ pub struct FreshBlock {
     /// Where and with what the tools work on it.
     pub workplace: Arc<Workplace>,
     /// Its number, and the revision of the parameters that came with it.
-    pub turn: Turn,
+    pub generation: Generation,
     /// Gets what the tools had before; needs room for as many as there are places.
     pub before: Vec<Arc<Workplace>>,
 }
@@ -58,7 +58,7 @@ pub struct SessionLoop {
     is_paused: bool,
     fault: Option<NotFinite>,
     ticks: u64,
-    turn: Turn,
+    generation: Generation,
     /// Cuts of one tool on their way to the others.
     cuts: Vec<Cut>,
 }
@@ -83,7 +83,7 @@ impl SessionLoop {
             is_paused: false,
             fault: None,
             ticks: 0,
-            turn: Turn {
+            generation: Generation {
                 since_revision: 0,
                 epoch: 1,
             },
@@ -146,7 +146,7 @@ impl SessionLoop {
 
     /// Gives `place` to an operator. Returns who held it, to be dropped elsewhere.
     pub fn seat(&mut self, place: usize, mut side: Box<ToolSide>) -> Option<Box<ToolSide>> {
-        side.take_up(self.turn);
+        side.take_up(self.generation);
         let place = self.places.get_mut(place)?;
         place.up.clear();
         place.down.clear();
@@ -176,12 +176,12 @@ impl SessionLoop {
     /// elsewhere.
     pub fn swap_clay(&mut self, fresh: &mut FreshBlock) {
         self.fault = None;
-        let turn = fresh.turn;
-        self.turn = turn;
+        let generation = fresh.generation;
+        self.generation = generation;
         self.material = fresh.workplace.material;
         for side in self.sides_mut() {
             let before = side.move_to(Arc::clone(&fresh.workplace));
-            side.start_on_fresh_block(turn);
+            side.start_on_fresh_block(generation);
             fresh.before.push(before);
         }
         std::mem::swap(&mut self.clay, &mut fresh.clay);
@@ -189,17 +189,17 @@ impl SessionLoop {
 
     /// Changes the scheme of every tool, from `revision` of the parameters on.
     pub fn change_scheme(&mut self, scheme: Scheme, revision: u16) {
-        self.turn.since_revision = revision;
-        let turn = self.turn;
+        self.generation.since_revision = revision;
+        let generation = self.generation;
         for side in self.sides_mut() {
-            side.change_scheme(scheme, turn);
+            side.change_scheme(scheme, generation);
         }
     }
 
     /// Changes what the clay is made of, from `revision` of the parameters on.
     pub fn soften_or_harden(&mut self, material: Material, revision: u16) {
         self.material = material;
-        self.turn.since_revision = revision;
+        self.generation.since_revision = revision;
         for side in self.sides_mut() {
             side.set_revision(revision);
         }
@@ -213,7 +213,7 @@ impl SessionLoop {
         for side in self.sides_mut() {
             side.set_deadband(fraction)?;
         }
-        self.turn.since_revision = revision;
+        self.generation.since_revision = revision;
         for side in self.sides_mut() {
             side.set_revision(revision);
         }
@@ -227,8 +227,8 @@ impl SessionLoop {
     }
 
     /// Revision of the parameters, and which block of clay this is.
-    pub fn turn(&self) -> Turn {
-        self.turn
+    pub fn generation(&self) -> Generation {
+        self.generation
     }
 
     /// Holds every tool.

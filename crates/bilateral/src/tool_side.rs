@@ -18,7 +18,7 @@ use teleclay_link::deadband::{Deadband, DeadbandError, DeadbandSettings};
 use teleclay_link::replica::{Cut, Workplace};
 use teleclay_link::round_trip::RoundTrip;
 use teleclay_link::safety::{NotFinite, Watchdog, check};
-use teleclay_link::scheme::replica::{Merged, Site, Turn};
+use teleclay_link::scheme::replica::{Generation, Merged, Site};
 use teleclay_link::scheme::{ToolEnd, ToolPort, tool_end};
 use teleclay_link::time::Timestamp;
 use teleclay_link::travel::{Travel, Wish};
@@ -104,7 +104,7 @@ impl ToolSide {
             end: tool_end(
                 parameters.scheme,
                 &model.ground,
-                Turn {
+                Generation {
                     since_revision: parameters.revision,
                     epoch: 0,
                 },
@@ -311,14 +311,14 @@ impl ToolSide {
         self.clay_force = Vec3::zeros();
     }
 
-    /// Changes the scheme; the tool goes on from where it stands. `turn` says from which revision of the parameters on frames are meant for it.
-    pub fn change_scheme(&mut self, scheme: Scheme, turn: Turn) {
+    /// Changes the scheme; the tool goes on from where it stands. `generation` says from which revision of the parameters on frames are meant for it.
+    pub fn change_scheme(&mut self, scheme: Scheme, generation: Generation) {
         if scheme == self.scheme {
-            self.frame.header.revision = turn.since_revision;
+            self.frame.header.revision = generation.since_revision;
             return;
         }
         self.stop_being_led();
-        let mut end = tool_end(scheme, &self.model.ground, turn);
+        let mut end = tool_end(scheme, &self.model.ground, generation);
         end.reindex(self.seen.handle_position());
         self.end = end;
         self.expect_gaps();
@@ -327,8 +327,8 @@ impl ToolSide {
         let header = self.frame.header;
         self.frame = ToolFrame {
             header: Header {
-                revision: turn.since_revision,
-                clay_epoch: turn.epoch,
+                revision: generation.since_revision,
+                clay_epoch: generation.epoch,
                 ..header
             },
             ..ToolFrame::default()
@@ -336,11 +336,11 @@ impl ToolSide {
     }
 
     /// The clay was exchanged for a fresh block: the tool goes to where its handle is, without cutting, and a fault is over.
-    pub fn start_on_fresh_block(&mut self, turn: Turn) {
+    pub fn start_on_fresh_block(&mut self, generation: Generation) {
         self.fault = None;
-        self.frame.header.revision = turn.since_revision;
-        self.frame.header.clay_epoch = turn.epoch;
-        self.end.on_fresh_block(turn.epoch);
+        self.frame.header.revision = generation.since_revision;
+        self.frame.header.clay_epoch = generation.epoch;
+        self.end.on_fresh_block(generation.epoch);
         self.reindex();
     }
 
@@ -352,10 +352,10 @@ impl ToolSide {
     }
 
     /// The parameters have this revision now, and the scheme works on this block; for a tool that was just seated.
-    pub fn take_up(&mut self, turn: Turn) {
-        self.frame.header.revision = turn.since_revision;
-        self.frame.header.clay_epoch = turn.epoch;
-        self.end.on_fresh_block(turn.epoch);
+    pub fn take_up(&mut self, generation: Generation) {
+        self.frame.header.revision = generation.since_revision;
+        self.frame.header.clay_epoch = generation.epoch;
+        self.end.on_fresh_block(generation.epoch);
     }
 
     /// The parameters have this revision now.

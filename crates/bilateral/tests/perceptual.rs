@@ -262,7 +262,7 @@ fn changing_the_deadband_of_position_force_does_not_move_the_tool() {
             let mut roughest = 0.0_f64;
             for ms in 0..450 {
                 if ms == 0 {
-                    let revision = rig.session().turn().since_revision + 1;
+                    let revision = rig.session().generation().since_revision + 1;
                     rig.session_mut().set_deadband(to, revision).unwrap();
                 }
                 if ms == heard_ms {

@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use teleclay_bilateral::{FreshBlock, ParameterError, ToolSide, workplace};
 use teleclay_clay::Clay;
-use teleclay_link::scheme::replica::Turn;
+use teleclay_link::scheme::replica::Generation;
 use teleclay_proto::SessionId;
 use teleclay_proto::http::{
     ClayReset, ClaySpec, FieldError, NewSession, Session, SessionPatch, Validate,
@@ -171,7 +171,7 @@ impl Live {
             fresh: Box::new(FreshBlock {
                 clay,
                 workplace,
-                turn: Turn {
+                generation: Generation {
                     since_revision: revision,
                     epoch: clay_epoch,
                 },

@@ -40,7 +40,7 @@ use crate::replica::{Cut, Workplace};
 use crate::travel::Recovery;
 use force_exchange::{ForceExchangeHandle, ForceExchangeTool};
 use position_force::{PositionForceHandle, PositionForceTool};
-use replica::{Merged, ReplicaHandle, ReplicaTool, Site, Turn};
+use replica::{Generation, Merged, ReplicaHandle, ReplicaTool, Site};
 use tdpa::{TdpaHandle, TdpaTool};
 use wave::{WaveHandle, WaveTool};
 
@@ -227,7 +227,7 @@ pub fn handle_end(scheme: Scheme, ground: &Ground) -> Box<dyn HandleEnd> {
 }
 
 /// The tool's end of a scheme, at rest with the handle at home.
-pub fn tool_end(scheme: Scheme, ground: &Ground, turn: Turn) -> Box<dyn ToolEnd> {
+pub fn tool_end(scheme: Scheme, ground: &Ground, generation: Generation) -> Box<dyn ToolEnd> {
     let coupling = ground.coupling.clone();
     match scheme {
         Scheme::ForceExchange => Box::new(ForceExchangeTool::new(coupling)),
@@ -237,7 +237,7 @@ pub fn tool_end(scheme: Scheme, ground: &Ground, turn: Turn) -> Box<dyn ToolEnd>
         Scheme::Replica => Box::new(ReplicaTool::new(
             coupling,
             Arc::clone(&ground.workplace),
-            turn,
+            generation,
         )),
     }
 }

@@ -22,10 +22,10 @@ const WAITING: usize = 256;
 /// Sweeps merged in one tick at most: what an outage held back comes at 64 times the speed at which it was made.
 const MERGES_A_TICK: usize = 64;
 
-/// When a scheme's turn began.
+/// When a scheme's generation began.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Turn {
-    /// Revision of the parameters from which on frames are of this turn.
+pub struct Generation {
+    /// Revision of the parameters from which on frames are of this generation.
     pub since_revision: u16,
     /// The block of clay: sweeps of another one cut clay that is gone.
     pub epoch: u32,
@@ -83,7 +83,7 @@ pub struct ReplicaTool {
     inbox: SweepInbox,
     relay: SweepLog,
     pending: Vec<SweepRecord>,
-    /// Frames of an earlier turn at this scheme number their sweeps otherwise.
+    /// Frames of an earlier generation of this scheme number their sweeps otherwise.
     since_revision: u16,
     epoch: u32,
     handle_leads: bool,
@@ -100,15 +100,15 @@ pub struct ReplicaTool {
 
 impl ReplicaTool {
     /// At rest; the handle has no copy yet.
-    pub fn new(coupling: Coupling, workplace: Arc<Workplace>, turn: Turn) -> Self {
+    pub fn new(coupling: Coupling, workplace: Arc<Workplace>, generation: Generation) -> Self {
         Self {
             fallback: TdpaTool::new(coupling),
             workplace,
             inbox: SweepInbox::default(),
             relay: SweepLog::default(),
             pending: Vec::with_capacity(WAITING),
-            since_revision: turn.since_revision,
-            epoch: turn.epoch,
+            since_revision: generation.since_revision,
+            epoch: generation.epoch,
             handle_leads: false,
             hold: Hold::None,
             refused: 0,
@@ -126,7 +126,7 @@ impl ReplicaTool {
         self.relay.waiting()
     }
 
-    fn is_of_this_turn(&self, frame: &HandleFrame) -> bool {
+    fn is_of_this_generation(&self, frame: &HandleFrame) -> bool {
         let is_before = (frame.header.revision.wrapping_sub(self.since_revision) as i16) < 0;
         frame.header.scheme == Scheme::Replica && !is_before
     }
@@ -227,7 +227,7 @@ impl ReplicaTool {
 
 impl ToolEnd for ReplicaTool {
     fn on_frame(&mut self, now: Timestamp, frame: &HandleFrame) {
-        if !self.is_of_this_turn(frame) {
+        if !self.is_of_this_generation(frame) {
             self.handle_leads = false;
             return;
         }
@@ -258,7 +258,7 @@ impl ToolEnd for ReplicaTool {
     }
 
     fn on_straggler(&mut self, _now: Timestamp, frame: &HandleFrame) {
-        if self.is_of_this_turn(frame)
+        if self.is_of_this_generation(frame)
             && frame.header.clay_epoch == self.epoch
             && frame.copy != CopyState::None
         {
