@@ -131,7 +131,7 @@ impl HandleSide {
             ..Header::default()
         };
         Ok(Self {
-            end: handle_end(parameters.scheme, &model.ground),
+            end: handle_end(parameters.scheme, &model.context),
             scheme: parameters.scheme,
             scheme_since: 0,
             admittance: [State::default(); 3],
@@ -291,7 +291,7 @@ impl HandleSide {
         if let Some(replica) = self.end.replica_mut() {
             replica.move_to(&workplace);
         }
-        std::mem::replace(&mut self.model.ground.workplace, workplace)
+        std::mem::replace(&mut self.model.context.workplace, workplace)
     }
 
     /// What is done with here, to be dropped where that costs no tick.
@@ -463,7 +463,7 @@ impl HandleSide {
     }
 
     fn change_scheme(&mut self, scheme: Scheme, since: u32) {
-        let end = handle_end(scheme, &self.model.ground);
+        let end = handle_end(scheme, &self.model.context);
         self.retired = Some(std::mem::replace(&mut self.end, end));
         self.scheme = scheme;
         self.scheme_since = since;

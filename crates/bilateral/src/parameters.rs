@@ -15,7 +15,7 @@ use teleclay_link::Vec3;
 use teleclay_link::deadband::{Deadband, DeadbandError, DeadbandSettings};
 use teleclay_link::replica::Workplace;
 use teleclay_link::safety::{ForceLimits, WatchdogTimes};
-use teleclay_link::scheme::{Coupling, Ground};
+use teleclay_link::scheme::{Coupling, SchemeContext};
 use teleclay_link::travel::TravelLimits;
 use teleclay_proto::http::ClayShape;
 use teleclay_proto::join::LoopParameters;
@@ -139,7 +139,7 @@ pub fn workplace(parameters: &LoopParameters) -> Result<Arc<Workplace>, Paramete
 #[derive(Clone, Debug)]
 pub struct LoopModel {
     /// What the schemes see.
-    pub(crate) ground: Ground,
+    pub(crate) context: SchemeContext,
     /// The tool's plant `G_t` by zero-order hold, and its inverse.
     pub(crate) tool_inverse: Inverse,
     pub(crate) watchdog: WatchdogTimes,
@@ -177,7 +177,7 @@ impl LoopModel {
             wave_impedance_n_s_per_m: parameters.wave_impedance_n_s_per_m,
         };
         Ok(Self {
-            ground: Ground {
+            context: SchemeContext {
                 coupling,
                 workplace: workplace(parameters)?,
             },
@@ -213,15 +213,15 @@ impl LoopModel {
 
     /// Tick, s.
     pub fn tick_s(&self) -> f64 {
-        self.ground.coupling.tick_s
+        self.context.coupling.tick_s
     }
 
     pub(crate) fn coupling(&self) -> &Coupling {
-        &self.ground.coupling
+        &self.context.coupling
     }
 
     pub(crate) fn workplace(&self) -> &Workplace {
-        &self.ground.workplace
+        &self.context.workplace
     }
 
     /// The part of `v` on the axes that reflect force.

@@ -18,7 +18,7 @@ use teleclay_link::deadband::{Deadband, DeadbandError, DeadbandSettings};
 use teleclay_link::replica::{Cut, Workplace};
 use teleclay_link::round_trip::RoundTrip;
 use teleclay_link::safety::{NotFinite, Watchdog, check};
-use teleclay_link::scheme::replica::{Generation, Merged, Site};
+use teleclay_link::scheme::replica::{Generation, MergeContext, Merged};
 use teleclay_link::scheme::{ToolEnd, ToolPort, tool_end};
 use teleclay_link::time::Timestamp;
 use teleclay_link::travel::{Travel, Wish};
@@ -103,7 +103,7 @@ impl ToolSide {
         let mut side = Self {
             end: tool_end(
                 parameters.scheme,
-                &model.ground,
+                &model.context,
                 Generation {
                     since_revision: parameters.revision,
                     epoch: 0,
@@ -233,14 +233,14 @@ impl ToolSide {
         let gain = self.gain(now, permission);
         let port = self.port();
         self.cuts.clear();
-        let site = Site {
+        let context = MergeContext {
             clay,
             material,
             contact: &mut self.contact,
             status,
             cuts: &mut self.cuts,
         };
-        let step = match self.end.merge(now, &port, site) {
+        let step = match self.end.merge(now, &port, context) {
             Some(merged) => self.adopt(&merged),
             None => {
                 self.stop_being_led();
@@ -318,7 +318,7 @@ impl ToolSide {
             return;
         }
         self.stop_being_led();
-        let mut end = tool_end(scheme, &self.model.ground, generation);
+        let mut end = tool_end(scheme, &self.model.context, generation);
         end.reindex(self.seen.handle_position());
         self.end = end;
         self.expect_gaps();
@@ -348,7 +348,7 @@ impl ToolSide {
     pub fn move_to(&mut self, workplace: Arc<Workplace>) -> Arc<Workplace> {
         self.travel.limit(workplace.travel);
         self.end.move_to(&workplace);
-        std::mem::replace(&mut self.model.ground.workplace, workplace)
+        std::mem::replace(&mut self.model.context.workplace, workplace)
     }
 
     /// The parameters have this revision now, and the scheme works on this block; for a tool that was just seated.

@@ -40,7 +40,7 @@ use crate::replica::{Cut, Workplace};
 use crate::travel::Recovery;
 use force_exchange::{ForceExchangeHandle, ForceExchangeTool};
 use position_force::{PositionForceHandle, PositionForceTool};
-use replica::{Generation, Merged, ReplicaHandle, ReplicaTool, Site};
+use replica::{Generation, MergeContext, Merged, ReplicaHandle, ReplicaTool};
 use tdpa::{TdpaHandle, TdpaTool};
 use wave::{WaveHandle, WaveTool};
 
@@ -160,7 +160,12 @@ pub trait ToolEnd: Send {
     fn on_straggler(&mut self, _now: Timestamp, _frame: &HandleFrame) {}
 
     /// One tick of a tool that the handle's sweeps lead. `None` where they do not: then the tool follows [`ToolEnd::reference`].
-    fn merge(&mut self, _now: Timestamp, _port: &ToolPort, _site: Site<'_>) -> Option<Merged> {
+    fn merge(
+        &mut self,
+        _now: Timestamp,
+        _port: &ToolPort,
+        _context: MergeContext<'_>,
+    ) -> Option<Merged> {
         None
     }
 
@@ -207,7 +212,7 @@ pub trait ToolEnd: Send {
 
 /// What a session's schemes are made from.
 #[derive(Clone, Debug)]
-pub struct Ground {
+pub struct SchemeContext {
     /// Ratios and plants.
     pub coupling: Coupling,
     /// Tool, clay and bounds, for schemes that work them at both ends.
@@ -215,20 +220,24 @@ pub struct Ground {
 }
 
 /// The handle's end of a scheme, at rest.
-pub fn handle_end(scheme: Scheme, ground: &Ground) -> Box<dyn HandleEnd> {
-    let coupling = ground.coupling.clone();
+pub fn handle_end(scheme: Scheme, context: &SchemeContext) -> Box<dyn HandleEnd> {
+    let coupling = context.coupling.clone();
     match scheme {
         Scheme::ForceExchange => Box::new(ForceExchangeHandle::new(coupling)),
         Scheme::PositionForce => Box::new(PositionForceHandle::new(coupling)),
         Scheme::Wave => Box::new(WaveHandle::new(&coupling)),
         Scheme::Tdpa => Box::new(TdpaHandle::new(coupling)),
-        Scheme::Replica => Box::new(ReplicaHandle::new(coupling, Arc::clone(&ground.workplace))),
+        Scheme::Replica => Box::new(ReplicaHandle::new(coupling, Arc::clone(&context.workplace))),
     }
 }
 
 /// The tool's end of a scheme, at rest with the handle at home.
-pub fn tool_end(scheme: Scheme, ground: &Ground, generation: Generation) -> Box<dyn ToolEnd> {
-    let coupling = ground.coupling.clone();
+pub fn tool_end(
+    scheme: Scheme,
+    context: &SchemeContext,
+    generation: Generation,
+) -> Box<dyn ToolEnd> {
+    let coupling = context.coupling.clone();
     match scheme {
         Scheme::ForceExchange => Box::new(ForceExchangeTool::new(coupling)),
         Scheme::PositionForce => Box::new(PositionForceTool::new(&coupling)),
@@ -236,7 +245,7 @@ pub fn tool_end(scheme: Scheme, ground: &Ground, generation: Generation) -> Box<
         Scheme::Tdpa => Box::new(TdpaTool::new(coupling)),
         Scheme::Replica => Box::new(ReplicaTool::new(
             coupling,
-            Arc::clone(&ground.workplace),
+            Arc::clone(&context.workplace),
             generation,
         )),
     }

@@ -35,7 +35,7 @@ pub struct Generation {
 const RELAYS_DUE: usize = 8;
 
 /// What a merging tool works with in one tick.
-pub struct Site<'a> {
+pub struct MergeContext<'a> {
     /// The server's clay.
     pub clay: &'a mut Clay,
     /// What it resists with.
@@ -172,14 +172,19 @@ impl ReplicaTool {
         }
     }
 
-    fn merge_one(&mut self, record: &SweepRecord, site: &mut Site<'_>, merged: &mut Merged) {
-        if let Some(refusal) = self.judge(record, site.status) {
+    fn merge_one(
+        &mut self,
+        record: &SweepRecord,
+        context: &mut MergeContext<'_>,
+        merged: &mut Merged,
+    ) {
+        if let Some(refusal) = self.judge(record, context.status) {
             self.refused = self.refused.wrapping_add(1);
             self.refusal = refusal;
             return;
         }
         let cut = cut_of(record);
-        site.cuts.push(cut);
+        context.cuts.push(cut);
         let way = Vec3::from(cut.to.displacement_from_m(cut.from));
         let velocity = way / self.workplace.travel.tick_s;
         let motion = (self.newest < record.sequence)
@@ -187,7 +192,7 @@ impl ReplicaTool {
             .flatten();
         let Some(motion) = motion else {
             // One that was overtaken: what it cut counts, where the tool is now it does not say.
-            merged.removed_units += site.clay.carve(&Sweep {
+            merged.removed_units += context.clay.carve(&Sweep {
                 shape: *self.workplace.tool.shape(),
                 from: cut.from,
                 to: cut.to,
@@ -195,9 +200,12 @@ impl ReplicaTool {
             return;
         };
         self.newest = record.sequence;
-        let worked = site
-            .clay
-            .work(&self.workplace.tool, site.material, &motion, site.contact);
+        let worked = context.clay.work(
+            &self.workplace.tool,
+            context.material,
+            &motion,
+            context.contact,
+        );
         *merged = Merged {
             displacement: Vec3::from(cut.to.position_m()) - self.workplace.home,
             velocity,
@@ -210,15 +218,18 @@ impl ReplicaTool {
 }
 
 impl ReplicaTool {
-    fn feel_at_rest(&self, site: &mut Site<'_>, merged: &mut Merged) {
+    fn feel_at_rest(&self, context: &mut MergeContext<'_>, merged: &mut Merged) {
         merged.velocity = Vec3::zeros();
         let pose = Pose::quantise((self.workplace.home + merged.displacement).into());
         // Merged sweeps are within reach, so on the lattice; and rest is a motion.
         let rest = pose.ok().and_then(|at| Motion::new(at, at, [0.0; 3]).ok());
         if let Some(rest) = rest {
-            let felt = site
-                .clay
-                .feel(&self.workplace.tool, site.material, &rest, site.contact);
+            let felt = context.clay.feel(
+                &self.workplace.tool,
+                context.material,
+                &rest,
+                context.contact,
+            );
             merged.force = Vec3::from(felt.force_n);
             merged.engaged_area_m2 = felt.engaged_area_m2;
         }
@@ -266,10 +277,15 @@ impl ToolEnd for ReplicaTool {
         }
     }
 
-    fn merge(&mut self, now: Timestamp, port: &ToolPort, mut site: Site<'_>) -> Option<Merged> {
+    fn merge(
+        &mut self,
+        now: Timestamp,
+        port: &ToolPort,
+        mut context: MergeContext<'_>,
+    ) -> Option<Merged> {
         /// Half a microsecond each.
         const BRICKS_A_TICK: usize = 2;
-        self.follow_hold(now, site.status);
+        self.follow_hold(now, context.status);
         let mut merged = match self.merged {
             Some(before) => Merged {
                 removed_units: 0,
@@ -288,14 +304,14 @@ impl ToolEnd for ReplicaTool {
         let mut pending = std::mem::take(&mut self.pending);
         let count = pending.len().min(MERGES_A_TICK);
         for record in pending.drain(..count) {
-            self.merge_one(&record, &mut site, &mut merged);
+            self.merge_one(&record, &mut context, &mut merged);
         }
         self.pending = pending;
         if merged.newest.is_none() && self.rests {
-            self.feel_at_rest(&mut site, &mut merged);
+            self.feel_at_rest(&mut context, &mut merged);
         }
-        let is_settled = site.clay.refresh_hashes(BRICKS_A_TICK) == 0 && self.pending.is_empty();
-        self.hash = if is_settled { site.clay.hash() } else { 0 };
+        let is_settled = context.clay.refresh_hashes(BRICKS_A_TICK) == 0 && self.pending.is_empty();
+        self.hash = if is_settled { context.clay.hash() } else { 0 };
         if !self.handle_leads {
             self.merged = None;
             return None;
