@@ -136,7 +136,7 @@ impl FromStr for DeviceKind {
 
 /// What a device needs to know of the session that it works in. A device goes on under another lease as long as these stay the same.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Workplace {
+pub struct DeviceSetup {
     /// Length of a tick, s.
     pub tick_s: f64,
     /// How many axes reflect force.
@@ -153,8 +153,8 @@ pub struct Workplace {
     pub block_m: [f64; 3],
 }
 
-impl Workplace {
-    /// The workplace that a lease gives.
+impl DeviceSetup {
+    /// The setup that a lease gives.
     pub fn of(granted: &Granted) -> Self {
         let LoopParameters {
             tick_s,
@@ -185,18 +185,18 @@ impl Workplace {
     }
 }
 
-/// Opens a device for a workplace.
+/// Opens a device for a setup.
 ///
 /// # Errors
 /// The device is not there, or cannot do what is wished.
 pub fn open(
     kind: DeviceKind,
     wish: &Wish,
-    workplace: &Workplace,
+    setup: &DeviceSetup,
 ) -> Result<Box<dyn Device>, DeviceError> {
     match kind {
-        DeviceKind::Simulated => Ok(Box::new(SimulatedDevice::new(wish, workplace)?)),
-        DeviceKind::Robot => Ok(Box::new(RobotDevice::new(wish, workplace)?)),
+        DeviceKind::Simulated => Ok(Box::new(SimulatedDevice::new(wish, setup)?)),
+        DeviceKind::Robot => Ok(Box::new(RobotDevice::new(wish, setup)?)),
     }
 }
 

@@ -15,7 +15,7 @@ use std::sync::Arc;
 use rtrb::{Consumer, Producer, RingBuffer};
 use teleclay_bilateral::{LinkState, Retired};
 use teleclay_link::arrivals::ArrivalCounts;
-use teleclay_link::replica::Workplace;
+use teleclay_link::replica::ToolSetup;
 use teleclay_link::safety::NotFinite;
 use teleclay_link::scheme::replica::Snapshot;
 use teleclay_link::time::Timestamp;
@@ -47,7 +47,7 @@ pub(crate) enum Order {
     /// Other parameters from now on, under this lease: tool, place or clay, and which frames are left out.
     Move {
         lease: u32,
-        workplace: Arc<Workplace>,
+        setup: Arc<ToolSetup>,
         deadband: f64,
     },
     /// The server's clay, under this lease.
@@ -61,7 +61,7 @@ pub(crate) enum Order {
 /// What the tick is done with; to be dropped where that costs no tick.
 pub(crate) enum Discarded {
     Seat { _seat: Box<Seat> },
-    Workplace { _workplace: Arc<Workplace> },
+    ToolSetup { _setup: Arc<ToolSetup> },
     Snapshot { _snapshot: Snapshot },
     Retired { _retired: Retired },
 }
@@ -280,17 +280,17 @@ impl Engine {
                 }
                 Order::Move {
                     lease,
-                    workplace,
+                    setup,
                     deadband,
                 } => {
                     let before = if lease == self.seat.lease {
                         let set = self.seat.side.set_deadband(deadband);
                         debug_assert!(set.is_ok(), "parameters are checked where they come in");
-                        self.seat.side.move_to(workplace)
+                        self.seat.side.move_to(setup)
                     } else {
-                        workplace
+                        setup
                     };
-                    self.discard(Discarded::Workplace { _workplace: before });
+                    self.discard(Discarded::ToolSetup { _setup: before });
                 }
                 Order::LoadSnapshot { lease, snapshot } => {
                     let unused = if lease == self.seat.lease {

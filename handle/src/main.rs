@@ -106,7 +106,7 @@ async fn hold(arguments: Arguments, wish: Wish) -> ExitCode {
         node: arguments.node,
         token: arguments.token,
         device: kind.word().to_owned(),
-        open_device: Box::new(move |workplace| device::open(kind, &wish, workplace)),
+        open_device: Box::new(move |setup| device::open(kind, &wish, setup)),
         scheduling: arguments.scheduling,
         spin: Duration::from_micros(arguments.spin_us),
         clock_drift: arguments.clock_drift_ppm,

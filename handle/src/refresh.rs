@@ -6,9 +6,9 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use teleclay_bilateral::{clay_shape, workplace};
+use teleclay_bilateral::{clay_shape, tool_setup};
 use teleclay_clay::{BrickView, Clay};
-use teleclay_link::replica::Workplace;
+use teleclay_link::replica::ToolSetup;
 use teleclay_link::scheme::replica::{Snapshot, WantedSnapshot};
 use teleclay_proto::http::Validate;
 use teleclay_proto::join::LoopParameters;
@@ -37,7 +37,7 @@ pub(crate) struct Wishes {
 /// Parameters that can change while a handle works.
 pub(crate) struct Changed {
     pub(crate) revision: u16,
-    pub(crate) workplace: Arc<Workplace>,
+    pub(crate) setup: Arc<ToolSetup>,
     /// Share of what is felt below which a change is not sent.
     pub(crate) deadband: f64,
 }
@@ -84,10 +84,10 @@ async fn parameters(slow: &Session, keys: &SessionKeys) -> Result<Changed, Strin
     parameters
         .validate()
         .map_err(|error| format!("parameters: {error}"))?;
-    let workplace = workplace(&parameters).map_err(|error| format!("parameters: {error}"))?;
+    let setup = tool_setup(&parameters).map_err(|error| format!("parameters: {error}"))?;
     Ok(Changed {
         revision: parameters.revision,
-        workplace,
+        setup,
         deadband: parameters.deadband,
     })
 }

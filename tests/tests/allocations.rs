@@ -117,7 +117,7 @@ fn options(ports: Ports) -> Options {
         operator: "Ada".to_owned(),
         token: None,
         device: "simulated".to_owned(),
-        open_device: Box::new(|workplace| open(DeviceKind::Simulated, &Wish::Cutting, workplace)),
+        open_device: Box::new(|setup| open(DeviceKind::Simulated, &Wish::Cutting, setup)),
         scheduling: Scheduling::Normal,
         spin: Duration::ZERO,
         clock_drift: Drift::default(),

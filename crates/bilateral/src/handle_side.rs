@@ -14,7 +14,7 @@ use teleclay_control::State;
 use teleclay_link::Vec3;
 use teleclay_link::arrivals::{Arrival, ArrivalCounts, Arrivals};
 use teleclay_link::deadband::{Deadband, DeadbandError, DeadbandSettings};
-use teleclay_link::replica::Workplace;
+use teleclay_link::replica::ToolSetup;
 use teleclay_link::round_trip::RoundTrip;
 use teleclay_link::safety::{ForceLimiter, NotFinite, Watchdog, check};
 use teleclay_link::scheme::replica::{ReplicaHandle, Snapshot, WantedSnapshot};
@@ -249,7 +249,7 @@ impl HandleSide {
             felt_force: self.limiter.last(),
         };
         self.start_gain =
-            (self.start_gain + self.model.tick_s() / self.model.workplace().ramp_s).min(1.0);
+            (self.start_gain + self.model.tick_s() / self.model.setup().ramp_s).min(1.0);
         let felt = self.felt_force(now, &port);
         let command = self.command(&port, felt);
         self.fill_frame(now, &port, felt);
@@ -287,11 +287,11 @@ impl HandleSide {
     }
 
     /// Another tool, another place, or other clay, from now on. Gives back what was, to be dropped elsewhere.
-    pub fn move_to(&mut self, workplace: Arc<Workplace>) -> Arc<Workplace> {
+    pub fn move_to(&mut self, setup: Arc<ToolSetup>) -> Arc<ToolSetup> {
         if let Some(replica) = self.end.replica_mut() {
-            replica.move_to(&workplace);
+            replica.move_to(&setup);
         }
-        std::mem::replace(&mut self.model.context.workplace, workplace)
+        std::mem::replace(&mut self.model.context.setup, setup)
     }
 
     /// What is done with here, to be dropped where that costs no tick.
@@ -371,7 +371,7 @@ impl HandleSide {
 
     fn felt_force(&mut self, now: Timestamp, port: &HandlePort) -> Vec3 {
         let tick_s = self.model.tick_s();
-        let change = tick_s / self.model.workplace().ramp_s;
+        let change = tick_s / self.model.setup().ramp_s;
         let watchdog_gain = self.watchdog.step(now, tick_s);
         let needs_frames = self.end.needs_frames();
         if needs_frames != std::mem::replace(&mut self.needed_frames, needs_frames) {

@@ -21,7 +21,7 @@ mod tool_view;
 pub mod wall;
 
 pub use handle_side::{HandleSide, HandleStep, LinkState, Retired};
-pub use parameters::{LoopModel, ParameterError, clay_shape, material, tool_shape, workplace};
+pub use parameters::{LoopModel, ParameterError, clay_shape, material, tool_setup, tool_shape};
 pub use session::{FreshBlock, Lines, SessionLoop};
 pub use tool_side::{Permission, ToolSide, ToolStep};
 pub use tool_view::ToolView;

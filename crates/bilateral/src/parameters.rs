@@ -13,7 +13,7 @@ use teleclay_control::{
 };
 use teleclay_link::Vec3;
 use teleclay_link::deadband::{Deadband, DeadbandError, DeadbandSettings};
-use teleclay_link::replica::Workplace;
+use teleclay_link::replica::ToolSetup;
 use teleclay_link::safety::{ForceLimits, WatchdogTimes};
 use teleclay_link::scheme::{Coupling, SchemeContext};
 use teleclay_link::travel::TravelLimits;
@@ -118,9 +118,9 @@ pub fn clay_shape(description: &ClayShape) -> Result<Shape, ShapeError> {
 ///
 /// # Errors
 /// The tool or the clay cannot be.
-pub fn workplace(parameters: &LoopParameters) -> Result<Arc<Workplace>, ParameterError> {
+pub fn tool_setup(parameters: &LoopParameters) -> Result<Arc<ToolSetup>, ParameterError> {
     let home = Vec3::from(parameters.home_m);
-    Ok(Arc::new(Workplace {
+    Ok(Arc::new(ToolSetup {
         home,
         travel: TravelLimits {
             tick_s: parameters.tick_s,
@@ -179,7 +179,7 @@ impl LoopModel {
         Ok(Self {
             context: SchemeContext {
                 coupling,
-                workplace: workplace(parameters)?,
+                setup: tool_setup(parameters)?,
             },
             tool_inverse: Inverse::new(&zoh("G_t", &named("G_t", g_t)?, tick_s)?)?,
             watchdog: WatchdogTimes {
@@ -220,8 +220,8 @@ impl LoopModel {
         &self.context.coupling
     }
 
-    pub(crate) fn workplace(&self) -> &Workplace {
-        &self.context.workplace
+    pub(crate) fn setup(&self) -> &ToolSetup {
+        &self.context.setup
     }
 
     /// The part of `v` on the axes that reflect force.
@@ -231,7 +231,7 @@ impl LoopModel {
 
     /// The handle's travel on `axis`, m, as displacement from home: what maps into the tool's reach.
     pub(crate) fn handle_travel(&self, axis: usize) -> [f64; 2] {
-        let [least, greatest] = self.workplace().travel.reach;
+        let [least, greatest] = self.setup().travel.reach;
         [least, greatest].map(|bound| bound[axis] / self.coupling().position_ratio)
     }
 }

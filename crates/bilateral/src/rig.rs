@@ -14,7 +14,7 @@ use teleclay_clay::Clay;
 use teleclay_link::Vec3;
 use teleclay_link::deadband::{DeadbandError, DeadbandSettings};
 use teleclay_link::energy::Observer;
-use teleclay_link::replica::Workplace;
+use teleclay_link::replica::ToolSetup;
 use teleclay_link::scheme::replica::{Generation, ReplicaHandle, Snapshot};
 use teleclay_link::time::Timestamp;
 use teleclay_operator::{Axes, DeviceSample, Intent, SimulatedHandle, SimulatedHandleError};
@@ -23,7 +23,7 @@ use teleclay_proto::frame::ToolFrame;
 use teleclay_proto::join::LoopParameters;
 
 use crate::handle_side::{HandleSide, HandleStep};
-use crate::parameters::{ParameterError, material, workplace};
+use crate::parameters::{ParameterError, material, tool_setup};
 use crate::session::{FreshBlock, Lines, SessionLoop};
 use crate::tool_side::ToolSide;
 
@@ -103,7 +103,7 @@ pub struct Rig {
     lines: Lines,
     /// The block as it was at first, and where the first tool works on it.
     block: Clay,
-    workplace: Arc<Workplace>,
+    setup: Arc<ToolSetup>,
 }
 
 impl Hand {
@@ -226,7 +226,7 @@ impl Rig {
             session,
             lines,
             block: clay,
-            workplace: workplace(&parameters)?,
+            setup: tool_setup(&parameters)?,
         })
     }
 
@@ -352,7 +352,7 @@ impl Rig {
         let generation = self.session.generation();
         let mut fresh = FreshBlock {
             clay: self.block.clone(),
-            workplace: Arc::clone(&self.workplace),
+            setup: Arc::clone(&self.setup),
             generation: Generation {
                 since_revision: generation.since_revision.wrapping_add(1),
                 epoch: generation.epoch.wrapping_add(1),

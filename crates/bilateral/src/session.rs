@@ -5,7 +5,7 @@ use std::sync::Arc;
 use teleclay_clay::{Clay, Material};
 use teleclay_link::conditioner::{Conditioner, Impairment};
 use teleclay_link::deadband::DeadbandError;
-use teleclay_link::replica::{Cut, Workplace};
+use teleclay_link::replica::{Cut, ToolSetup};
 use teleclay_link::safety::NotFinite;
 use teleclay_link::scheme::replica::Generation;
 use teleclay_link::time::Timestamp;
@@ -43,11 +43,11 @@ pub struct FreshBlock {
     /// The block.
     pub clay: Clay,
     /// Where and with what the tools work on it.
-    pub workplace: Arc<Workplace>,
+    pub setup: Arc<ToolSetup>,
     /// Its number, and the revision of the parameters that came with it.
     pub generation: Generation,
     /// Gets what the tools had before; needs room for as many as there are places.
-    pub before: Vec<Arc<Workplace>>,
+    pub before: Vec<Arc<ToolSetup>>,
 }
 
 /// A session's loop. Owned by whoever steps it.
@@ -178,9 +178,9 @@ impl SessionLoop {
         self.fault = None;
         let generation = fresh.generation;
         self.generation = generation;
-        self.material = fresh.workplace.material;
+        self.material = fresh.setup.material;
         for side in self.sides_mut() {
-            let before = side.move_to(Arc::clone(&fresh.workplace));
+            let before = side.move_to(Arc::clone(&fresh.setup));
             side.start_on_fresh_block(generation);
             fresh.before.push(before);
         }

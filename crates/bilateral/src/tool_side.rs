@@ -15,7 +15,7 @@ use teleclay_control::State;
 use teleclay_link::Vec3;
 use teleclay_link::arrivals::{Arrival, ArrivalCounts, Arrivals};
 use teleclay_link::deadband::{Deadband, DeadbandError, DeadbandSettings};
-use teleclay_link::replica::{Cut, Workplace};
+use teleclay_link::replica::{Cut, ToolSetup};
 use teleclay_link::round_trip::RoundTrip;
 use teleclay_link::safety::{NotFinite, Watchdog, check};
 use teleclay_link::scheme::replica::{Generation, MergeContext, Merged};
@@ -116,7 +116,7 @@ impl ToolSide {
             base: Vec3::zeros(),
             position: Vec3::zeros(),
             velocity: Vec3::zeros(),
-            travel: Travel::new(model.workplace().travel),
+            travel: Travel::new(model.setup().travel),
             was_led: false,
             cuts: Vec::with_capacity(CUTS_A_TICK),
             clay_force: Vec3::zeros(),
@@ -129,7 +129,7 @@ impl ToolSide {
             engaged: false,
             left: false,
             fault: None,
-            seen: Seen::at_rest(model.workplace().home),
+            seen: Seen::at_rest(model.setup().home),
             frame: ToolFrame {
                 header,
                 ..ToolFrame::default()
@@ -255,7 +255,7 @@ impl ToolSide {
             }
         };
         self.seen.on_step(
-            self.model.workplace().home + self.position,
+            self.model.setup().home + self.position,
             self.velocity,
             self.clay_force,
             tick_s,
@@ -345,10 +345,10 @@ impl ToolSide {
     }
 
     /// Another place or tool, from the fresh block on that follows. Gives back what was, to be dropped elsewhere.
-    pub fn move_to(&mut self, workplace: Arc<Workplace>) -> Arc<Workplace> {
-        self.travel.limit(workplace.travel);
-        self.end.move_to(&workplace);
-        std::mem::replace(&mut self.model.context.workplace, workplace)
+    pub fn move_to(&mut self, setup: Arc<ToolSetup>) -> Arc<ToolSetup> {
+        self.travel.limit(setup.travel);
+        self.end.move_to(&setup);
+        std::mem::replace(&mut self.model.context.setup, setup)
     }
 
     /// The parameters have this revision now, and the scheme works on this block; for a tool that was just seated.
@@ -434,7 +434,7 @@ impl ToolSide {
     /// How far the gate stands open, 0 to 1.
     fn gain(&mut self, now: Timestamp, permission: Permission) -> f64 {
         let tick_s = self.model.tick_s();
-        let change = tick_s / self.model.workplace().ramp_s;
+        let change = tick_s / self.model.setup().ramp_s;
         let may_work = permission == Permission::Work && self.fault.is_none();
         self.permission_gain =
             (self.permission_gain + if may_work { change } else { -change }).clamp(0.0, 1.0);
@@ -447,11 +447,7 @@ impl ToolSide {
         let wish = Wish {
             reference: self.end.reference(now, port, gain),
             recovery: self.end.recovery(),
-            lift_m: self
-                .model
-                .workplace()
-                .is_lifted
-                .then_some(self.lift * ratio),
+            lift_m: self.model.setup().is_lifted.then_some(self.lift * ratio),
         };
         self.travel.step(wish, gain)
     }
@@ -503,9 +499,8 @@ impl ToolSide {
     }
 
     fn work(&mut self, before: Vec3, clay: &mut Clay, material: &Material) -> ToolStep {
-        let pose = |displacement: Vec3| {
-            Pose::quantise((self.model.workplace().home + displacement).into())
-        };
+        let pose =
+            |displacement: Vec3| Pose::quantise((self.model.setup().home + displacement).into());
         let motion = pose(before).and_then(|from| Ok((from, pose(self.position)?)));
         let motion = motion
             .ok()
@@ -518,7 +513,7 @@ impl ToolSide {
             return ToolStep::default();
         };
         let worked = clay.work(
-            &self.model.workplace().tool,
+            &self.model.setup().tool,
             material,
             &motion,
             &mut self.contact,

@@ -3,7 +3,7 @@
 use teleclay_operator::{DeviceSample, RobotHandle, RobotSetup, RobotState};
 
 use super::room::cutting_room;
-use super::{Device, DeviceCommand, DeviceError, DeviceRequest, Rounds, Workplace};
+use super::{Device, DeviceCommand, DeviceError, DeviceRequest, DeviceSetup, Rounds};
 use crate::intent::Wish;
 
 /// A robot, and its operator's wish for fresh clay after each finished round of cutting.
@@ -17,12 +17,12 @@ impl RobotDevice {
     /// The default robot at rest at home.
     ///
     /// # Errors
-    /// The intent cannot be had in this workplace, or the tick is no sample time.
-    pub fn new(wish: &Wish, workplace: &Workplace) -> Result<Self, DeviceError> {
-        let intent = wish.intent(cutting_room(workplace))?;
-        let setup = RobotSetup::default();
+    /// The intent does not fit this setup, or the tick is no sample time.
+    pub fn new(wish: &Wish, setup: &DeviceSetup) -> Result<Self, DeviceError> {
+        let intent = wish.intent(cutting_room(setup))?;
+        let robot = RobotSetup::default();
         Ok(Self {
-            handle: RobotHandle::new(workplace.handle_axes(), workplace.tick_s, intent, &setup)?,
+            handle: RobotHandle::new(setup.handle_axes(), setup.tick_s, intent, &robot)?,
             rounds: Rounds::default(),
         })
     }
@@ -60,9 +60,9 @@ mod tests {
     #[test]
     fn cutting_strokes_need_no_fence_on_two_and_on_three_axes() {
         for axes in [teleclay_proto::Axes::Two, teleclay_proto::Axes::Three] {
-            let workplace = Workplace { axes, ..carving() };
-            let room = cutting_room(&workplace);
-            let mut device = RobotDevice::new(&Wish::Idle, &workplace).unwrap();
+            let setup = DeviceSetup { axes, ..carving() };
+            let room = cutting_room(&setup);
+            let mut device = RobotDevice::new(&Wish::Idle, &setup).unwrap();
             for corner in 0..8 {
                 let side = |bit: u32, most: f64, least: f64| {
                     if corner & (1 << bit) == 0 {

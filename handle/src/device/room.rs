@@ -3,7 +3,7 @@
 use teleclay_operator::Reach;
 use teleclay_proto::ToolDescription;
 
-use super::Workplace;
+use super::DeviceSetup;
 
 /// Strokes of a cutting operator reach this far to either side of home, m, where there is room: two thirds of the default block, so that
 /// walls stay standing and the picture shows what was cut.
@@ -19,11 +19,11 @@ const LEAST_ROOM_M: f64 = 0.001;
 
 /// The room for cutting strokes, as displacement of the handle: the default one, or what the tool's reach and the block leave of it. The
 /// tool stays half its width away from the block's sides, when its home lies over the block at all.
-pub(super) fn cutting_room(workplace: &Workplace) -> Reach {
-    let [half_x_m, half_y_m, below_m] = half_extent_m(&workplace.tool);
-    let [least, greatest] = workplace.reach_m;
-    let [x, y, z] = workplace.home_m;
-    let block = workplace.block_m;
+pub(super) fn cutting_room(setup: &DeviceSetup) -> Reach {
+    let [half_x_m, half_y_m, below_m] = half_extent_m(&setup.tool);
+    let [least, greatest] = setup.reach_m;
+    let [x, y, z] = setup.home_m;
+    let block = setup.block_m;
     let to_sides = |axis: usize, home: f64, half: f64| {
         let within_reach = (home - least[axis]).min(greatest[axis] - home);
         let over_block = home.min(block[axis] - home);
@@ -34,11 +34,8 @@ pub(super) fn cutting_room(workplace: &Workplace) -> Reach {
         }
     };
     let down = (z - least[2]).min((z - below_m - FLOOR_M).max(LEAST_ROOM_M));
-    let room = |default: f64, tool_m: f64| {
-        default
-            .min(tool_m / workplace.position_ratio)
-            .max(LEAST_ROOM_M)
-    };
+    let room =
+        |default: f64, tool_m: f64| default.min(tool_m / setup.position_ratio).max(LEAST_ROOM_M);
     Reach {
         x_m: room(STROKE_M, to_sides(0, x, half_x_m)),
         y_m: room(ACROSS_M, to_sides(1, y, half_y_m)),
@@ -63,8 +60,8 @@ pub(super) mod tests {
     use super::*;
 
     /// The default block and ball.
-    pub(in crate::device) fn carving() -> Workplace {
-        Workplace {
+    pub(in crate::device) fn carving() -> DeviceSetup {
+        DeviceSetup {
             tick_s: 1e-3,
             axes: teleclay_proto::Axes::Two,
             position_ratio: 1.0,
@@ -89,7 +86,7 @@ pub(super) mod tests {
 
     #[test]
     fn a_small_block_keeps_its_walls_and_its_floor() {
-        let small = Workplace {
+        let small = DeviceSetup {
             block_m: [0.064, 0.032, 0.020],
             home_m: [0.032, 0.016, 0.0264],
             ..carving()
@@ -104,7 +101,7 @@ pub(super) mod tests {
 
     #[test]
     fn the_reach_bounds_the_room_and_the_ratio_scales_it() {
-        let near = Workplace {
+        let near = DeviceSetup {
             reach_m: [[0.034, 0.0, 0.06], [0.25, 0.2, 0.2]],
             position_ratio: 2.0,
             ..carving()

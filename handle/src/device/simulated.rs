@@ -3,7 +3,7 @@
 use teleclay_operator::{DeviceSample, SimulatedHandle};
 
 use super::room::cutting_room;
-use super::{Device, DeviceCommand, DeviceError, DeviceRequest, Rounds, Workplace};
+use super::{Device, DeviceCommand, DeviceError, DeviceRequest, DeviceSetup, Rounds};
 use crate::intent::Wish;
 
 /// A simulated handle, and its operator's wish for fresh clay after each finished round of cutting.
@@ -17,11 +17,11 @@ impl SimulatedDevice {
     /// A handle at rest at home.
     ///
     /// # Errors
-    /// The intent cannot be had in this workplace, or the tick is no sample time.
-    pub fn new(wish: &Wish, workplace: &Workplace) -> Result<Self, DeviceError> {
-        let intent = wish.intent(cutting_room(workplace))?;
+    /// The intent does not fit this setup, or the tick is no sample time.
+    pub fn new(wish: &Wish, setup: &DeviceSetup) -> Result<Self, DeviceError> {
+        let intent = wish.intent(cutting_room(setup))?;
         Ok(Self {
-            handle: SimulatedHandle::new(workplace.handle_axes(), workplace.tick_s, intent)?,
+            handle: SimulatedHandle::new(setup.handle_axes(), setup.tick_s, intent)?,
             rounds: Rounds::default(),
         })
     }
@@ -53,8 +53,8 @@ mod tests {
     use teleclay_proto::ToolDescription;
 
     #[test]
-    fn no_workplace_leaves_no_room_at_all() {
-        let cramped = Workplace {
+    fn no_setup_leaves_no_room_at_all() {
+        let cramped = DeviceSetup {
             reach_m: [[0.0; 3], [0.0; 3]],
             home_m: [0.0; 3],
             tool: ToolDescription::Ball { radius_m: 0.1 },

@@ -465,8 +465,8 @@ fn snapshot(epoch: u32) -> Snapshot {
     }
 }
 
-fn workplace() -> Arc<Workplace> {
-    teleclay_bilateral::workplace(&LoopParameters::default()).unwrap()
+fn tool_setup() -> Arc<ToolSetup> {
+    teleclay_bilateral::tool_setup(&LoopParameters::default()).unwrap()
 }
 
 /// What was discarded so far, by its kind.
@@ -475,7 +475,7 @@ fn discarded(bench: &mut Bench) -> Vec<&'static str> {
     while let Ok(done_with) = bench.ends.discarded.pop() {
         kinds.push(match done_with {
             Discarded::Seat { .. } => "seat",
-            Discarded::Workplace { .. } => "workplace",
+            Discarded::ToolSetup { .. } => "tool setup",
             Discarded::Snapshot { .. } => "snapshot",
             Discarded::Retired { .. } => "retired",
         });
@@ -530,21 +530,21 @@ fn a_new_revision_is_wished_for_and_what_it_replaces_is_dropped_elsewhere() {
     bench.tool.frame.header.revision = 7;
     assert_eq!(bench.couple_for(2).wishes.revision, 7);
     for lease in [1, 9] {
-        let workplace = workplace();
+        let setup = tool_setup();
         assert!(
             bench
                 .ends
                 .orders
                 .push(Order::Move {
                     lease,
-                    workplace,
+                    setup,
                     deadband: 0.07
                 })
                 .is_ok()
         );
     }
     bench.couple_for(1);
-    assert_eq!(discarded(&mut bench), ["workplace", "workplace"]);
+    assert_eq!(discarded(&mut bench), ["tool setup", "tool setup"]);
 }
 
 #[test]

@@ -10,7 +10,7 @@ use teleclay_shell::ticker::TickerConfig;
 use tokio::time::Instant;
 
 use super::{Failure, Rig, Run, close};
-use crate::device::Workplace;
+use crate::device::DeviceSetup;
 use crate::engine::{Engine, Order};
 use crate::event::Event;
 use crate::join::{self, Invitation, OldLease, Welcome};
@@ -55,7 +55,7 @@ impl Run {
     }
 
     async fn try_to_sit(&mut self, welcome: Box<Welcome>) -> Result<(), Failure> {
-        let workplace = Workplace::of(&welcome.granted);
+        let setup = DeviceSetup::of(&welcome.granted);
         let parameters = welcome.granted.parameters;
         let joined = Event::Joined {
             node: welcome.keys.node().clone(),
@@ -83,7 +83,7 @@ impl Run {
 
         let fitting = self
             .rig
-            .take_if(|rig| rig.workplace == workplace && !rig.ticker.is_finished());
+            .take_if(|rig| rig.setup == setup && !rig.ticker.is_finished());
         // A device that does not fit is let go before it is opened again.
         self.rig = None;
         if let Some(mut rig) = fitting {
@@ -94,11 +94,11 @@ impl Run {
             self.rig = Some(rig);
             return Ok(());
         }
-        let device = (self.options.open_device)(&workplace).map_err(Failure::Open)?;
+        let device = (self.options.open_device)(&setup).map_err(Failure::Open)?;
         let name = device.name().to_owned();
         let now = Timestamp::from_nanos(self.clock.now_ns());
-        let (engine, ends) = Engine::new(now, workplace.tick_s, device, seat);
-        let period = Duration::from_secs_f64(workplace.tick_s);
+        let (engine, ends) = Engine::new(now, setup.tick_s, device, seat);
+        let period = Duration::from_secs_f64(setup.tick_s);
         let config = TickerConfig {
             name: "handle-tick",
             period: self.options.clock_drift.true_span(period),
@@ -110,11 +110,11 @@ impl Run {
         let scheduler = ticker.scheduler().to_owned();
         self.tell(Event::Ticking {
             device: name,
-            tick_s: workplace.tick_s,
+            tick_s: setup.tick_s,
             scheduler,
         });
         self.rig = Some(Rig {
-            workplace,
+            setup,
             ticker,
             ends,
         });

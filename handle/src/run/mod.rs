@@ -25,7 +25,7 @@ use tokio::sync::watch;
 use tokio::time::{Instant, Interval, MissedTickBehavior, interval, sleep_until, timeout};
 use zenoh::Session;
 
-use crate::device::{Device, DeviceError, Workplace};
+use crate::device::{Device, DeviceError, DeviceSetup};
 use crate::engine::{Ends, Mode, Order};
 use crate::event::Event;
 use crate::join::{self, JoinError, Welcome};
@@ -48,8 +48,9 @@ const GOODBYES: u64 = 10;
 /// A session that will not close is left to the end of the process.
 const CLOSE_WITHIN: Duration = Duration::from_secs(1);
 
-/// Opens the device for a workplace.
-pub type OpenDevice = Box<dyn Fn(&Workplace) -> Result<Box<dyn Device>, DeviceError> + Send + Sync>;
+/// Opens the device for a setup.
+pub type OpenDevice =
+    Box<dyn Fn(&DeviceSetup) -> Result<Box<dyn Device>, DeviceError> + Send + Sync>;
 
 /// What to run.
 pub struct Options {
@@ -65,7 +66,7 @@ pub struct Options {
     pub token: Option<String>,
     /// What the handle is, for people to read.
     pub device: String,
-    /// Opens it, once the session is known; again when a later lease brings another workplace.
+    /// Opens it, once the session is known; again when a later lease brings another setup.
     pub open_device: OpenDevice,
     /// What to ask the scheduler for.
     pub scheduling: Scheduling,
@@ -127,7 +128,7 @@ type Freshening = Pin<Box<dyn Future<Output = Result<FreshReply, String>> + Send
 
 /// A device in motion.
 struct Rig {
-    workplace: Workplace,
+    setup: DeviceSetup,
     ticker: Ticker,
     ends: Ends,
 }

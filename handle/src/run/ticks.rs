@@ -150,7 +150,7 @@ impl Run {
             && orders
                 .push(Order::Move {
                     lease,
-                    workplace: changed.workplace,
+                    setup: changed.setup,
                     deadband: changed.deadband,
                 })
                 .is_ok()

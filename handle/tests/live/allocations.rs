@@ -95,8 +95,8 @@ async fn the_steady_tick_allocates_nothing() {
     let counted = Arc::clone(&result);
     let mut holder = Holder::start_with(
         &endpoint,
-        Box::new(move |workplace| {
-            let device = SimulatedDevice::new(&Wish::Cutting, workplace)?;
+        Box::new(move |setup| {
+            let device = SimulatedDevice::new(&Wish::Cutting, setup)?;
             Ok(Box::new(Counter {
                 device,
                 ticks: 0,

@@ -4,7 +4,7 @@ use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use teleclay_handle::device::{
-    Device, DeviceCommand, DeviceError, DeviceRequest, SimulatedDevice, Workplace,
+    Device, DeviceCommand, DeviceError, DeviceRequest, DeviceSetup, SimulatedDevice,
 };
 use teleclay_handle::event::Event;
 use teleclay_handle::intent::Wish;
@@ -84,7 +84,7 @@ pub(crate) struct Holder {
     stop: watch::Sender<bool>,
     ending: JoinHandle<Ending>,
     pub(crate) told: Arc<Mutex<Vec<Told>>>,
-    pub(crate) opened: Arc<Mutex<Vec<Workplace>>>,
+    pub(crate) opened: Arc<Mutex<Vec<DeviceSetup>>>,
 }
 
 impl Holder {
@@ -92,13 +92,13 @@ impl Holder {
     pub(crate) fn start(endpoint: &str, quirks: Quirks) -> Self {
         let (told, opened) = (Arc::default(), Arc::default());
         let (write, open) = (Arc::clone(&told), Arc::clone(&opened));
-        let open_device: OpenDevice = Box::new(move |workplace| {
-            let workplaces: &Mutex<Vec<Workplace>> = &open;
-            workplaces.lock().unwrap().push(*workplace);
+        let open_device: OpenDevice = Box::new(move |setup| {
+            let setups: &Mutex<Vec<DeviceSetup>> = &open;
+            setups.lock().unwrap().push(*setup);
             let wish = Wish::ConstantForce {
                 force_n: [0.5, 0.0, 0.0],
             };
-            let device = SimulatedDevice::new(&wish, workplace)?;
+            let device = SimulatedDevice::new(&wish, setup)?;
             Ok(Box::new(Recorder {
                 device,
                 told: Arc::clone(&write),
@@ -112,7 +112,7 @@ impl Holder {
     /// Someone whose time is over after `lasts`.
     pub(crate) fn start_for(endpoint: &str, lasts: Duration) -> Self {
         let open_device: OpenDevice =
-            Box::new(|workplace| Ok(Box::new(SimulatedDevice::new(&Wish::Idle, workplace)?)));
+            Box::new(|setup| Ok(Box::new(SimulatedDevice::new(&Wish::Idle, setup)?)));
         Self::hold(
             endpoint,
             open_device,
@@ -132,7 +132,7 @@ impl Holder {
         open_device: OpenDevice,
         lasts: Option<Duration>,
         told: Arc<Mutex<Vec<Told>>>,
-        opened: Arc<Mutex<Vec<Workplace>>>,
+        opened: Arc<Mutex<Vec<DeviceSetup>>>,
     ) -> Self {
         let (stop, stopped) = watch::channel(false);
         let (tell, events) = unbounded_channel();

@@ -188,7 +188,7 @@ async fn a_server_that_comes_back_with_another_tick_finds_the_device_opened_anew
         .lock()
         .unwrap()
         .iter()
-        .map(|workplace| workplace.tick_s)
+        .map(|setup| setup.tick_s)
         .collect();
     assert_eq!(ticks, [1e-3, 2e-3]);
 }

@@ -4,7 +4,7 @@ use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex, Weak};
 use std::time::Instant;
 
-use teleclay_bilateral::{FreshBlock, ParameterError, ToolSide, workplace};
+use teleclay_bilateral::{FreshBlock, ParameterError, ToolSide, tool_setup};
 use teleclay_clay::Clay;
 use teleclay_link::scheme::replica::Generation;
 use teleclay_proto::SessionId;
@@ -147,7 +147,7 @@ impl Live {
             .map_err(ChangeError::Field)?;
         let session = self.shared.number;
         let moved = parameters(&spec);
-        let workplace = workplace(&moved)
+        let setup = tool_setup(&moved)
             .map_err(|error| ChangeError::Field(FieldError::new("/shape", error.to_string())))?;
         let clay_epoch = {
             let mut held = self.shared.mirror.lock().expect("no holder panics");
@@ -170,7 +170,7 @@ impl Live {
             session,
             fresh: Box::new(FreshBlock {
                 clay,
-                workplace,
+                setup,
                 generation: Generation {
                     since_revision: revision,
                     epoch: clay_epoch,

@@ -26,7 +26,7 @@ pub struct Cut {
 
 /// Where a tool works, with what, and in what: what both sides have to agree on before their copies of the clay can be one.
 #[derive(Clone, Debug)]
-pub struct Workplace {
+pub struct ToolSetup {
     /// Image of the handle's home in the clay's frame, m.
     pub home: Vec3,
     /// Bounds of the tool's motion.
@@ -43,7 +43,7 @@ pub struct Workplace {
     pub ramp_s: f64,
 }
 
-impl Workplace {
+impl ToolSetup {
     /// The part of a force, or of a motion that it does work on, that reaches the hand.
     fn felt(&self, vector: Vec3) -> Vec3 {
         let z = if self.is_lifted { 0.0 } else { vector.z };
@@ -204,8 +204,8 @@ impl Copy {
     }
 
     /// Repeats a cut that the snapshot may not have yet. The force is settled in the next [`Copy::step`].
-    pub fn carve(&mut self, workplace: &Workplace, cut: Cut) {
-        let removed = self.clay.carve(&sweep(workplace, cut));
+    pub fn carve(&mut self, setup: &ToolSetup, cut: Cut) {
+        let removed = self.clay.carve(&sweep(setup, cut));
         if 0 < removed {
             self.hash = None;
             self.is_fresh_snapshot = true;
@@ -213,7 +213,7 @@ impl Copy {
     }
 
     /// One tick: the tool goes to `to` and has `velocity`, m/s.
-    pub fn step(&mut self, workplace: &Workplace, to: Pose, velocity: Vec3, edge: Edge) -> Worked {
+    pub fn step(&mut self, setup: &ToolSetup, to: Pose, velocity: Vec3, edge: Edge) -> Worked {
         let from = std::mem::replace(&mut self.pose, to);
         self.from = from;
         let held = Worked {
@@ -228,21 +228,15 @@ impl Copy {
         let before = self.contact;
         let (answer, removed) = match edge {
             Edge::Cutting => {
-                let worked = self.clay.work(
-                    &workplace.tool,
-                    &workplace.material,
-                    &motion,
-                    &mut self.contact,
-                );
+                let worked =
+                    self.clay
+                        .work(&setup.tool, &setup.material, &motion, &mut self.contact);
                 (worked.response, worked.removed_units)
             }
             Edge::Blunt => {
-                let felt = self.clay.feel(
-                    &workplace.tool,
-                    &workplace.material,
-                    &motion,
-                    &mut self.contact,
-                );
+                let felt = self
+                    .clay
+                    .feel(&setup.tool, &setup.material, &motion, &mut self.contact);
                 (felt, 0)
             }
         };
@@ -250,20 +244,17 @@ impl Copy {
         if std::mem::take(&mut self.is_fresh_snapshot) {
             // The old snapshot is gone: what it answered a tick ago stands for what it would answer now.
             self.gate
-                .on_correction(workplace.felt(self.answer), workplace.felt(force));
+                .on_correction(setup.felt(self.answer), setup.felt(force));
         }
-        let (is_near, is_changed) = self.carry_out_corrections(workplace, &motion);
+        let (is_near, is_changed) = self.carry_out_corrections(setup, &motion);
         if is_near {
             self.contact = before;
-            let felt = self.clay.feel(
-                &workplace.tool,
-                &workplace.material,
-                &motion,
-                &mut self.contact,
-            );
+            let felt = self
+                .clay
+                .feel(&setup.tool, &setup.material, &motion, &mut self.contact);
             let after = Vec3::from(felt.force_n);
             self.gate
-                .on_correction(workplace.felt(force), workplace.felt(after));
+                .on_correction(setup.felt(force), setup.felt(after));
             force = after;
         }
         if 0 < removed || is_changed {
@@ -274,7 +265,7 @@ impl Copy {
         Worked {
             force: self
                 .gate
-                .step(force, workplace.felt(velocity), workplace.travel.tick_s),
+                .step(force, setup.felt(velocity), setup.travel.tick_s),
             // A tool that rests cuts as well, where clay stands in its place.
             cut: (edge == Edge::Cutting && (from != to || 0 < removed)).then_some(Cut { from, to }),
             has_changed_clay: 0 < removed,
@@ -282,18 +273,13 @@ impl Copy {
     }
 
     /// Carries out some of the corrections that wait. Says whether one of them changed clay near the tool, and whether any changed any.
-    fn carry_out_corrections(&mut self, workplace: &Workplace, motion: &Motion) -> (bool, bool) {
+    fn carry_out_corrections(&mut self, setup: &ToolSetup, motion: &Motion) -> (bool, bool) {
         let (mut is_near, mut is_changed) = (false, false);
         let now = self.corrections.len().min(CORRECTIONS_A_TICK);
         for cut in self.corrections.drain(..now) {
-            if 0 < self.clay.carve(&sweep(workplace, cut)) {
+            if 0 < self.clay.carve(&sweep(setup, cut)) {
                 is_changed = true;
-                is_near |= touches(
-                    workplace,
-                    &cut,
-                    motion.to(),
-                    self.clay.grid().voxel_size_m(),
-                );
+                is_near |= touches(setup, &cut, motion.to(), self.clay.grid().voxel_size_m());
             }
         }
         (is_near, is_changed)
@@ -308,9 +294,9 @@ impl Copy {
     }
 }
 
-fn sweep(workplace: &Workplace, cut: Cut) -> Sweep {
+fn sweep(setup: &ToolSetup, cut: Cut) -> Sweep {
     Sweep {
-        shape: *workplace.tool.shape(),
+        shape: *setup.tool.shape(),
         from: cut.from,
         to: cut.to,
     }
@@ -318,8 +304,8 @@ fn sweep(workplace: &Workplace, cut: Cut) -> Sweep {
 
 /// Whether a cut can have changed what a tool at `pose` feels: the boxes around the two, with the ramp of a cut's edge and what a tool feels ahead of
 /// itself, overlap.
-fn touches(workplace: &Workplace, cut: &Cut, pose: Pose, voxel_size_m: f64) -> bool {
-    let extents_m = workplace.tool.shape().extents_m();
+fn touches(setup: &ToolSetup, cut: &Cut, pose: Pose, voxel_size_m: f64) -> bool {
+    let extents_m = setup.tool.shape().extents_m();
     let margin_m = (teleclay_clay::LOOK_AHEAD_VOXELS + 3.0) * voxel_size_m;
     let (from, to, at) = (
         cut.from.position_m(),

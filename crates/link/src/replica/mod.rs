@@ -16,7 +16,7 @@ mod gate;
 mod inbox;
 mod log;
 
-pub use copy::{CORRECTIONS_WAITING, Copy, Cut, Edge, Impossible, Worked, Workplace};
+pub use copy::{CORRECTIONS_WAITING, Copy, Cut, Edge, Impossible, ToolSetup, Worked};
 pub use gate::{ForceGate, GateLimits};
 pub use inbox::{Novelty, SweepInbox};
 pub use log::{LogFull, SweepLog};

@@ -36,7 +36,7 @@ use crate::Vec3;
 use crate::time::Timestamp;
 
 use crate::deadband::Signal;
-use crate::replica::{Cut, Workplace};
+use crate::replica::{Cut, ToolSetup};
 use crate::travel::Recovery;
 use force_exchange::{ForceExchangeHandle, ForceExchangeTool};
 use position_force::{PositionForceHandle, PositionForceTool};
@@ -190,7 +190,7 @@ pub trait ToolEnd: Send {
     fn on_fresh_block(&mut self, _epoch: u32) {}
 
     /// The tool works elsewhere from now on.
-    fn move_to(&mut self, _workplace: &Arc<Workplace>) {}
+    fn move_to(&mut self, _setup: &Arc<ToolSetup>) {}
 
     /// Another tool has cut the clay.
     fn relay(&mut self, _cut: Cut) {}
@@ -216,7 +216,7 @@ pub struct SchemeContext {
     /// Ratios and plants.
     pub coupling: Coupling,
     /// Tool, clay and bounds, for schemes that work them at both ends.
-    pub workplace: Arc<Workplace>,
+    pub setup: Arc<ToolSetup>,
 }
 
 /// The handle's end of a scheme, at rest.
@@ -227,7 +227,7 @@ pub fn handle_end(scheme: Scheme, context: &SchemeContext) -> Box<dyn HandleEnd>
         Scheme::PositionForce => Box::new(PositionForceHandle::new(coupling)),
         Scheme::Wave => Box::new(WaveHandle::new(&coupling)),
         Scheme::Tdpa => Box::new(TdpaHandle::new(coupling)),
-        Scheme::Replica => Box::new(ReplicaHandle::new(coupling, Arc::clone(&context.workplace))),
+        Scheme::Replica => Box::new(ReplicaHandle::new(coupling, Arc::clone(&context.setup))),
     }
 }
 
@@ -245,7 +245,7 @@ pub fn tool_end(
         Scheme::Tdpa => Box::new(TdpaTool::new(coupling)),
         Scheme::Replica => Box::new(ReplicaTool::new(
             coupling,
-            Arc::clone(&context.workplace),
+            Arc::clone(&context.setup),
             generation,
         )),
     }

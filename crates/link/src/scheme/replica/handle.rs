@@ -13,7 +13,7 @@ use super::STALE;
 use crate::Vec3;
 use crate::deadband::Signal;
 use crate::replica::{
-    Copy, Cut, Edge, GateLimits, Novelty, SweepInbox, SweepLog, WINDOW, Workplace,
+    Copy, Cut, Edge, GateLimits, Novelty, SweepInbox, SweepLog, ToolSetup, WINDOW,
 };
 use crate::round_trip;
 use crate::scheme::tdpa::TdpaHandle;
@@ -68,7 +68,7 @@ struct Rebuild {
 /// The handle's end.
 pub struct ReplicaHandle {
     coupling: Coupling,
-    workplace: Arc<Workplace>,
+    setup: Arc<ToolSetup>,
     fallback: TdpaHandle,
     copy: Option<Copy>,
     travel: Travel,
@@ -97,13 +97,13 @@ pub struct ReplicaHandle {
 
 impl ReplicaHandle {
     /// Without a copy yet.
-    pub fn new(coupling: Coupling, workplace: Arc<Workplace>) -> Self {
+    pub fn new(coupling: Coupling, setup: Arc<ToolSetup>) -> Self {
         Self {
             fallback: TdpaHandle::new(coupling.clone()),
             coupling,
             copy: None,
-            travel: Travel::new(workplace.travel),
-            workplace,
+            travel: Travel::new(setup.travel),
+            setup,
             log: SweepLog::default(),
             changed_by: 0,
             epoch_from: 1,
@@ -181,7 +181,7 @@ impl ReplicaHandle {
         let since = request.map_or(Timestamp::ZERO, |request| {
             Timestamp::from_nanos(request.at.as_nanos().saturating_sub(lag_ns))
         });
-        let lag_sweeps = (SNAPSHOT_LAG.as_secs_f64() / self.workplace.travel.tick_s) as u32;
+        let lag_sweeps = (SNAPSHOT_LAG.as_secs_f64() / self.setup.travel.tick_s) as u32;
         let acknowledged = request.map_or(0, |request| request.acknowledged);
         self.rebuild = Some(Rebuild {
             own_next: self.log.last(),
@@ -199,7 +199,7 @@ impl ReplicaHandle {
         if let Some(far_tool) = self.far_tool {
             self.travel.put(far_tool);
         }
-        let at = self.workplace.home + self.travel.at();
+        let at = self.setup.home + self.travel.at();
         // Within reach, so on the lattice.
         let pose = Pose::quantise(at.into()).unwrap_or_default();
         self.copy = Some(Copy::new(
@@ -217,14 +217,14 @@ impl ReplicaHandle {
     }
 
     /// Another tool, another place, or other clay, from now on.
-    pub fn move_to(&mut self, workplace: &Arc<Workplace>) {
-        self.travel.limit(workplace.travel);
-        self.workplace = Arc::clone(workplace);
+    pub fn move_to(&mut self, setup: &Arc<ToolSetup>) {
+        self.travel.limit(setup.travel);
+        self.setup = Arc::clone(setup);
     }
 
     /// What the gate may do to the device, as the tool's side of the ratios has it.
     fn gate_limits(&self) -> GateLimits {
-        let at_device = GateLimits::for_range(self.workplace.force_limit_n);
+        let at_device = GateLimits::for_range(self.setup.force_limit_n);
         GateLimits {
             step_n: at_device.step_n * -self.coupling.force_ratio,
             tank_j: at_device.tank_j * self.coupling.power_ratio(),
@@ -308,7 +308,7 @@ impl ReplicaHandle {
                 .then(|| self.log.record(rebuild.own_next))
                 .flatten();
             if let Some(record) = own {
-                copy.carve(&self.workplace, cut_of(record));
+                copy.carve(&self.setup, cut_of(record));
                 rebuild.own_next -= 1;
                 continue;
             }
@@ -318,7 +318,7 @@ impl ReplicaHandle {
                 .and_then(|number| self.others.at(number));
             match other {
                 Some((came, cut)) if rebuild.since <= came => {
-                    copy.carve(&self.workplace, cut);
+                    copy.carve(&self.setup, cut);
                     rebuild.others_next -= 1;
                 }
                 _ => {
@@ -346,9 +346,9 @@ impl ReplicaHandle {
     fn local_reaction(&mut self, now: Timestamp, port: &HandlePort) -> Vec3 {
         self.go_on_rebuilding();
         let edge = self.edge(now);
-        let tick_s = self.workplace.travel.tick_s;
+        let tick_s = self.setup.travel.tick_s;
         let works = matches!(self.status, LoopStatus::Running | LoopStatus::Idle);
-        let change = tick_s / self.workplace.ramp_s;
+        let change = tick_s / self.setup.ramp_s;
         self.gain = (self.gain + if works { change } else { -change }).clamp(0.0, 1.0);
 
         let before = self.travel.at();
@@ -356,7 +356,7 @@ impl ReplicaHandle {
         let wish = Wish {
             reference,
             recovery: Recovery::Absolute,
-            lift_m: self.workplace.is_lifted.then_some(reference.z),
+            lift_m: self.setup.is_lifted.then_some(reference.z),
         };
         let at = self.travel.step(wish, self.gain);
         let velocity = (at - before) / tick_s;
@@ -364,8 +364,8 @@ impl ReplicaHandle {
             return Vec3::zeros();
         };
         // Within reach, so on the lattice.
-        let to = Pose::quantise((self.workplace.home + at).into()).unwrap_or(copy.pose());
-        let worked = copy.step(&self.workplace, to, velocity, edge);
+        let to = Pose::quantise((self.setup.home + at).into()).unwrap_or(copy.pose());
+        let worked = copy.step(&self.setup, to, velocity, edge);
         if let Some(cut) = worked.cut {
             // `edge` keeps room.
             if let Ok(number) = self.log.push(cut.from.steps(), cut.to.steps())
@@ -386,7 +386,7 @@ impl HandleEnd for ReplicaHandle {
         self.fallback.take_in(frame);
         self.last_frame = Some(now);
         self.status = frame.status;
-        self.far_tool = Some(Vec3::from(frame.position_m) - self.workplace.home);
+        self.far_tool = Some(Vec3::from(frame.position_m) - self.setup.home);
         self.log.on_acknowledged(frame.sweeps_acknowledged);
         let header = &frame.header;
         if let Some(round_trip) = round_trip::of_exchange(now, header.echo_ns, header.echo_hold_ns)

@@ -10,7 +10,7 @@ use teleclay_proto::frame::{
 
 use crate::Vec3;
 use crate::deadband::Signal;
-use crate::replica::{Cut, Impossible, Novelty, SweepInbox, SweepLog, Workplace};
+use crate::replica::{Cut, Impossible, Novelty, SweepInbox, SweepLog, ToolSetup};
 use crate::round_trip;
 use crate::scheme::tdpa::TdpaTool;
 use crate::scheme::{Coupling, ToolEnd, ToolPort};
@@ -78,7 +78,7 @@ enum Hold {
 
 /// The tool's end.
 pub struct ReplicaTool {
-    workplace: Arc<Workplace>,
+    setup: Arc<ToolSetup>,
     fallback: TdpaTool,
     inbox: SweepInbox,
     relay: SweepLog,
@@ -100,10 +100,10 @@ pub struct ReplicaTool {
 
 impl ReplicaTool {
     /// At rest; the handle has no copy yet.
-    pub fn new(coupling: Coupling, workplace: Arc<Workplace>, generation: Generation) -> Self {
+    pub fn new(coupling: Coupling, setup: Arc<ToolSetup>, generation: Generation) -> Self {
         Self {
             fallback: TdpaTool::new(coupling),
-            workplace,
+            setup,
             inbox: SweepInbox::default(),
             relay: SweepLog::default(),
             pending: Vec::with_capacity(WAITING),
@@ -165,7 +165,7 @@ impl ReplicaTool {
                 SweepRefusal::Paused
             });
         }
-        match self.workplace.check(&cut_of(record)) {
+        match self.setup.check(&cut_of(record)) {
             Ok(()) => None,
             Err(Impossible::OutOfReach) => Some(SweepRefusal::OutOfReach),
             Err(Impossible::TooFast) => Some(SweepRefusal::TooFast),
@@ -186,28 +186,26 @@ impl ReplicaTool {
         let cut = cut_of(record);
         context.cuts.push(cut);
         let way = Vec3::from(cut.to.displacement_from_m(cut.from));
-        let velocity = way / self.workplace.travel.tick_s;
+        let velocity = way / self.setup.travel.tick_s;
         let motion = (self.newest < record.sequence)
             .then(|| Motion::new(cut.from, cut.to, velocity.into()).ok())
             .flatten();
         let Some(motion) = motion else {
             // One that was overtaken: what it cut counts, where the tool is now it does not say.
             merged.removed_units += context.clay.carve(&Sweep {
-                shape: *self.workplace.tool.shape(),
+                shape: *self.setup.tool.shape(),
                 from: cut.from,
                 to: cut.to,
             });
             return;
         };
         self.newest = record.sequence;
-        let worked = context.clay.work(
-            &self.workplace.tool,
-            context.material,
-            &motion,
-            context.contact,
-        );
+        let worked =
+            context
+                .clay
+                .work(&self.setup.tool, context.material, &motion, context.contact);
         *merged = Merged {
-            displacement: Vec3::from(cut.to.position_m()) - self.workplace.home,
+            displacement: Vec3::from(cut.to.position_m()) - self.setup.home,
             velocity,
             force: Vec3::from(worked.response.force_n),
             engaged_area_m2: worked.response.engaged_area_m2,
@@ -220,16 +218,14 @@ impl ReplicaTool {
 impl ReplicaTool {
     fn feel_at_rest(&self, context: &mut MergeContext<'_>, merged: &mut Merged) {
         merged.velocity = Vec3::zeros();
-        let pose = Pose::quantise((self.workplace.home + merged.displacement).into());
+        let pose = Pose::quantise((self.setup.home + merged.displacement).into());
         // Merged sweeps are within reach, so on the lattice; and rest is a motion.
         let rest = pose.ok().and_then(|at| Motion::new(at, at, [0.0; 3]).ok());
         if let Some(rest) = rest {
-            let felt = context.clay.feel(
-                &self.workplace.tool,
-                context.material,
-                &rest,
-                context.contact,
-            );
+            let felt =
+                context
+                    .clay
+                    .feel(&self.setup.tool, context.material, &rest, context.contact);
             merged.force = Vec3::from(felt.force_n);
             merged.engaged_area_m2 = felt.engaged_area_m2;
         }
@@ -258,7 +254,7 @@ impl ToolEnd for ReplicaTool {
             && since_ns <= frame.header.echo_ns
         {
             // The handle needs the ramp to come to rest.
-            let ramp = self.workplace.ramp_s / self.workplace.travel.tick_s;
+            let ramp = self.setup.ramp_s / self.setup.travel.tick_s;
             self.hold = Hold::Known {
                 last: newest.max(self.seen) + ramp.ceil() as u32 + 1,
             };
@@ -347,8 +343,8 @@ impl ToolEnd for ReplicaTool {
         self.hash = 0;
     }
 
-    fn move_to(&mut self, workplace: &Arc<Workplace>) {
-        self.workplace = Arc::clone(workplace);
+    fn move_to(&mut self, setup: &Arc<ToolSetup>) {
+        self.setup = Arc::clone(setup);
     }
 
     fn relay(&mut self, cut: Cut) {
