@@ -18,7 +18,7 @@ use teleclay_link::replica::ToolSetup;
 use teleclay_link::round_trip::RoundTrip;
 use teleclay_link::safety::{ForceLimiter, NotFinite, Watchdog, check};
 use teleclay_link::scheme::replica::{ReplicaHandle, Snapshot, WantedSnapshot};
-use teleclay_link::scheme::{HandleEnd, HandlePort, handle_end};
+use teleclay_link::scheme::{HandleController, HandlePort, handle_controller};
 use teleclay_link::time::Timestamp;
 use teleclay_operator::DeviceSample;
 use teleclay_proto::frame::{
@@ -55,10 +55,10 @@ pub enum LinkState {
 
 /// What a handle side is done with. Large, so not to be dropped on a tick.
 pub enum Retired {
-    /// An end of a scheme.
-    End {
+    /// A controller of a scheme.
+    Controller {
         /// It.
-        _end: Box<dyn HandleEnd>,
+        _controller: Box<dyn HandleController>,
     },
     /// A copy of the clay.
     Clay {
@@ -81,7 +81,7 @@ pub struct HandleStep {
 /// The handle side of one tool's loop.
 pub struct HandleSide {
     model: LoopModel,
-    end: Box<dyn HandleEnd>,
+    controller: Box<dyn HandleController>,
     scheme: Scheme,
     /// Frames before this one belong to an earlier scheme.
     scheme_since: u32,
@@ -113,8 +113,8 @@ pub struct HandleSide {
     /// Engagement and scheme as last sent.
     announced: Option<(Engagement, Scheme)>,
     is_due: bool,
-    /// An end that is done, to be dropped where that costs no tick.
-    retired: Option<Box<dyn HandleEnd>>,
+    /// A controller that is done, to be dropped where that costs no tick.
+    retired: Option<Box<dyn HandleController>>,
 }
 
 impl HandleSide {
@@ -131,7 +131,7 @@ impl HandleSide {
             ..Header::default()
         };
         Ok(Self {
-            end: handle_end(parameters.scheme, &model.context),
+            controller: handle_controller(parameters.scheme, &model.context),
             scheme: parameters.scheme,
             scheme_since: 0,
             admittance: [State::default(); 3],
@@ -211,7 +211,7 @@ impl HandleSide {
             let is_of_this_scheme =
                 header.scheme == self.scheme && !is_after(self.scheme_since, header.sequence);
             if is_of_this_scheme {
-                self.end.on_straggler(now, frame);
+                self.controller.on_straggler(now, frame);
             }
             return;
         }
@@ -224,7 +224,7 @@ impl HandleSide {
         if header.scheme != self.scheme {
             self.change_scheme(header.scheme, header.sequence);
         }
-        self.end.on_frame(now, frame);
+        self.controller.on_frame(now, frame);
     }
 
     /// One tick.
@@ -272,12 +272,12 @@ impl HandleSide {
 
     /// The snapshot of the server's clay that is wanted here, if one is; a new number is a new wish.
     pub fn wanted_snapshot(&self) -> Option<WantedSnapshot> {
-        self.end.replica()?.wanted_snapshot()
+        self.controller.replica()?.wanted_snapshot()
     }
 
     /// A snapshot of the server's clay. One that no scheme here has a use for waits to be dropped, see [`HandleSide::take_retired`].
     pub fn on_snapshot(&mut self, snapshot: Snapshot) -> Option<Snapshot> {
-        match self.end.replica_mut() {
+        match self.controller.replica_mut() {
             Some(replica) => {
                 replica.on_snapshot(snapshot);
                 None
@@ -288,7 +288,7 @@ impl HandleSide {
 
     /// Another tool, another place, or other clay, from now on. Gives back what was, to be dropped elsewhere.
     pub fn move_to(&mut self, setup: Arc<ToolSetup>) -> Arc<ToolSetup> {
-        if let Some(replica) = self.end.replica_mut() {
+        if let Some(replica) = self.controller.replica_mut() {
             replica.move_to(&setup);
         }
         std::mem::replace(&mut self.model.context.setup, setup)
@@ -296,16 +296,18 @@ impl HandleSide {
 
     /// What is done with here, to be dropped where that costs no tick.
     pub fn take_retired(&mut self) -> Option<Retired> {
-        if let Some(end) = self.retired.take() {
-            return Some(Retired::End { _end: end });
+        if let Some(controller) = self.retired.take() {
+            return Some(Retired::Controller {
+                _controller: controller,
+            });
         }
-        let clay = self.end.replica_mut()?.take_retired()?;
+        let clay = self.controller.replica_mut()?.take_retired()?;
         Some(Retired::Clay { _clay: clay })
     }
 
-    /// The scheme's end here, where it keeps a copy of the clay.
+    /// The scheme's controller here, where it keeps a copy of the clay.
     pub fn replica(&self) -> Option<&ReplicaHandle> {
-        self.end.replica()
+        self.controller.replica()
     }
 
     /// The tool side is known to have gone, by other means than its silence: the force ramps to zero whatever the scheme, until a frame that arrives
@@ -356,7 +358,7 @@ impl HandleSide {
             return LinkState::NotYet;
         }
         if self.watchdog.is_silent(now) {
-            return match self.end.replica().map(ReplicaHandle::state) {
+            return match self.controller.replica().map(ReplicaHandle::state) {
                 None | Some(CopyState::None) => LinkState::Silent,
                 Some(CopyState::Stale) => LinkState::OnStaleCopy,
                 Some(CopyState::Live | CopyState::Diverged) => LinkState::OnCopy,
@@ -373,9 +375,9 @@ impl HandleSide {
         let tick_s = self.model.tick_s();
         let change = tick_s / self.model.setup().ramp_s;
         let watchdog_gain = self.watchdog.step(now, tick_s);
-        let needs_frames = self.end.needs_frames();
+        let needs_frames = self.controller.needs_frames();
         if needs_frames != std::mem::replace(&mut self.needed_frames, needs_frames) {
-            // A copy came or went: what the end gives from now on is of another kind.
+            // A copy came or went: what the controller gives from now on is of another kind.
             self.blend_starts = true;
         }
         self.remote_gain = if needs_frames {
@@ -389,7 +391,7 @@ impl HandleSide {
         self.status_gain =
             (self.status_gain + if works { change } else { -change }).clamp(0.0, 1.0);
 
-        let fresh = self.end.reaction(now, port);
+        let fresh = self.controller.reaction(now, port);
         if std::mem::take(&mut self.blend_starts) {
             self.fading = self.last_reaction;
             self.fading_share = 1.0;
@@ -436,7 +438,7 @@ impl HandleSide {
         self.frame.velocity_m_s = port.velocity.into();
         self.frame.hand_force_n = port.hand_force.into();
         self.frame.felt_force_n = felt.into();
-        self.end.fill(&mut self.frame);
+        self.controller.fill(&mut self.frame);
         self.number_frame(now);
     }
 
@@ -448,23 +450,23 @@ impl HandleSide {
                 if self.announced != Some(announcement) {
                     deadband.insist();
                 }
-                if self.end.has_urgent_news() {
+                if self.controller.has_urgent_news() {
                     deadband.insist();
                 }
-                deadband.should_send(now, self.end.signal(&self.frame))
+                deadband.should_send(now, self.controller.signal(&self.frame))
             }
             None => true,
         };
         if self.is_due {
-            self.end.on_sent(&self.frame);
+            self.controller.on_sent(&self.frame);
             self.announced = Some(announcement);
             self.frame.header.sequence = self.frame.header.sequence.wrapping_add(1);
         }
     }
 
     fn change_scheme(&mut self, scheme: Scheme, since: u32) {
-        let end = handle_end(scheme, &self.model.context);
-        self.retired = Some(std::mem::replace(&mut self.end, end));
+        let controller = handle_controller(scheme, &self.model.context);
+        self.retired = Some(std::mem::replace(&mut self.controller, controller));
         self.scheme = scheme;
         self.scheme_since = since;
         self.frame.wave = [0.0; 3];
@@ -475,7 +477,7 @@ impl HandleSide {
         self.frame.clay_hash = 0;
         self.frame.relayed_acknowledged = 0;
         self.frame.sweeps = Sweeps::default();
-        // What was felt fades into what the new end gives, instead of stepping there.
+        // What was felt fades into what the new controller gives, instead of stepping there.
         self.blend_starts = true;
     }
 

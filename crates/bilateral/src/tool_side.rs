@@ -19,7 +19,7 @@ use teleclay_link::replica::{Cut, ToolSetup};
 use teleclay_link::round_trip::RoundTrip;
 use teleclay_link::safety::{NotFinite, Watchdog, check};
 use teleclay_link::scheme::replica::{Generation, MergeContext, Merged};
-use teleclay_link::scheme::{ToolEnd, ToolPort, tool_end};
+use teleclay_link::scheme::{ToolController, ToolPort, tool_controller};
 use teleclay_link::time::Timestamp;
 use teleclay_link::travel::{Travel, Wish};
 use teleclay_proto::Scheme;
@@ -55,7 +55,7 @@ pub struct ToolStep {
 /// The tool side of one tool's loop.
 pub struct ToolSide {
     model: LoopModel,
-    end: Box<dyn ToolEnd>,
+    controller: Box<dyn ToolController>,
     scheme: Scheme,
     contact: ContactState,
     /// Internal model of the inverse, and the plant itself, axis by axis, both as displacement from `base`.
@@ -101,7 +101,7 @@ impl ToolSide {
             ..Header::default()
         };
         let mut side = Self {
-            end: tool_end(
+            controller: tool_controller(
                 parameters.scheme,
                 &model.context,
                 Generation {
@@ -165,7 +165,8 @@ impl ToolSide {
 
     fn expect_gaps(&mut self) {
         let longest = self.deadband.as_ref().map(Deadband::heartbeat);
-        self.end.expect_gaps(longest, self.seen.handle_velocity());
+        self.controller
+            .expect_gaps(longest, self.seen.handle_velocity());
     }
 
     /// A frame came from the handle side. Frames under another lease are not ours; older ones are counted, and shown to a scheme that
@@ -199,7 +200,7 @@ impl ToolSide {
             return;
         }
         if arrival != Arrival::Newest {
-            self.end.on_straggler(now, frame);
+            self.controller.on_straggler(now, frame);
             return;
         }
         self.round_trip
@@ -216,7 +217,7 @@ impl ToolSide {
             self.permission_gain = 1.0;
             self.reindex();
         }
-        self.end.on_frame(now, frame);
+        self.controller.on_frame(now, frame);
     }
 
     /// One tick in this clay.
@@ -240,7 +241,7 @@ impl ToolSide {
             status,
             cuts: &mut self.cuts,
         };
-        let step = match self.end.merge(now, &port, context) {
+        let step = match self.controller.merge(now, &port, context) {
             Some(merged) => self.adopt(&merged),
             None => {
                 self.stop_being_led();
@@ -250,7 +251,7 @@ impl ToolSide {
                 self.velocity = (self.position - before) / tick_s;
                 let step = self.work(before, clay, material);
                 let port = self.port();
-                self.end.moved(&port);
+                self.controller.moved(&port);
                 step
             }
         };
@@ -276,7 +277,7 @@ impl ToolSide {
 
     /// Another tool has cut the clay.
     pub fn relay(&mut self, cut: Cut) {
-        self.end.relay(cut);
+        self.controller.relay(cut);
     }
 
     /// The frame of the last step, whether it goes out or not.
@@ -297,7 +298,7 @@ impl ToolSide {
     /// Puts the tool where the handle is, at rest, without cutting on the way; for a fresh block, and for the first frame.
     pub fn reindex(&mut self) {
         let handle = self.seen.handle_position();
-        self.end.reindex(handle);
+        self.controller.reindex(handle);
         let place = self
             .travel
             .put(handle * self.model.coupling().position_ratio);
@@ -318,9 +319,9 @@ impl ToolSide {
             return;
         }
         self.stop_being_led();
-        let mut end = tool_end(scheme, &self.model.context, generation);
-        end.reindex(self.seen.handle_position());
-        self.end = end;
+        let mut controller = tool_controller(scheme, &self.model.context, generation);
+        controller.reindex(self.seen.handle_position());
+        self.controller = controller;
         self.expect_gaps();
         self.scheme = scheme;
         self.travel.forget_reference();
@@ -340,14 +341,14 @@ impl ToolSide {
         self.fault = None;
         self.frame.header.revision = generation.since_revision;
         self.frame.header.clay_epoch = generation.epoch;
-        self.end.on_fresh_block(generation.epoch);
+        self.controller.on_fresh_block(generation.epoch);
         self.reindex();
     }
 
     /// Another place or tool, from the fresh block on that follows. Gives back what was, to be dropped elsewhere.
     pub fn move_to(&mut self, setup: Arc<ToolSetup>) -> Arc<ToolSetup> {
         self.travel.limit(setup.travel);
-        self.end.move_to(&setup);
+        self.controller.move_to(&setup);
         std::mem::replace(&mut self.model.context.setup, setup)
     }
 
@@ -355,7 +356,7 @@ impl ToolSide {
     pub fn take_up(&mut self, generation: Generation) {
         self.frame.header.revision = generation.since_revision;
         self.frame.header.clay_epoch = generation.epoch;
-        self.end.on_fresh_block(generation.epoch);
+        self.controller.on_fresh_block(generation.epoch);
     }
 
     /// The parameters have this revision now.
@@ -445,8 +446,8 @@ impl ToolSide {
     fn gate(&mut self, now: Timestamp, port: &ToolPort, gain: f64) -> Vec3 {
         let ratio = self.model.coupling().position_ratio;
         let wish = Wish {
-            reference: self.end.reference(now, port, gain),
-            recovery: self.end.recovery(),
+            reference: self.controller.reference(now, port, gain),
+            recovery: self.controller.recovery(),
             lift_m: self.model.setup().is_lifted.then_some(self.lift * ratio),
         };
         self.travel.step(wish, gain)
@@ -482,7 +483,7 @@ impl ToolSide {
         self.inverse = [State::default(); 3];
         self.plant = [State::default(); 3];
         self.seen.hides_nothing();
-        self.end.reindex(self.seen.handle_position());
+        self.controller.reindex(self.seen.handle_position());
     }
 
     /// Drives the tool's plant to `wanted` by way of its inverse: [KHMH03] (31)–(32) end here.
@@ -558,7 +559,7 @@ impl ToolSide {
         self.frame.velocity_m_s = self.seen.view().velocity_m_s;
         self.frame.force_n = self.seen.view().force_n;
         self.frame.engaged_area_m2 = step.engaged_area_m2;
-        self.end.fill(&mut self.frame);
+        self.controller.fill(&mut self.frame);
         self.seen.refused(self.frame.sweeps_refused);
         self.number_frame(now);
     }
@@ -571,15 +572,15 @@ impl ToolSide {
                 if self.announced != Some(announcement) {
                     deadband.insist();
                 }
-                if self.end.has_urgent_news() {
+                if self.controller.has_urgent_news() {
                     deadband.insist();
                 }
-                deadband.should_send(now, self.end.signal(&self.frame))
+                deadband.should_send(now, self.controller.signal(&self.frame))
             }
             None => true,
         };
         if self.is_due {
-            self.end.on_sent(&self.frame);
+            self.controller.on_sent(&self.frame);
             self.announced = Some(announcement);
             self.frame.header.sequence = self.frame.header.sequence.wrapping_add(1);
         }

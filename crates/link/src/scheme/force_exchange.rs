@@ -16,13 +16,13 @@
 use teleclay_control::State;
 use teleclay_proto::frame::{HandleFrame, ToolFrame};
 
-use super::{Coupling, HandleEnd, HandlePort, ToolEnd, ToolPort};
+use super::{Coupling, HandleController, HandlePort, ToolController, ToolPort};
 use crate::Vec3;
 use crate::deadband::Signal;
 use crate::time::Timestamp;
 use crate::travel::Recovery;
 
-/// The handle's end: what it feels is the clay's force as last received.
+/// The handle's controller: what it feels is the clay's force as last received.
 #[derive(Clone, Debug)]
 pub struct ForceExchangeHandle {
     coupling: Coupling,
@@ -39,7 +39,7 @@ impl ForceExchangeHandle {
     }
 }
 
-impl HandleEnd for ForceExchangeHandle {
+impl HandleController for ForceExchangeHandle {
     fn on_frame(&mut self, _now: Timestamp, frame: &ToolFrame) {
         self.clay_force = Vec3::from(frame.force_n);
     }
@@ -55,7 +55,7 @@ impl HandleEnd for ForceExchangeHandle {
     }
 }
 
-/// The tool's end: a model of the handle's admittance, driven by the hand's force as last received and the clay's own.
+/// The tool's controller: a model of the handle's admittance, driven by the hand's force as last received and the clay's own.
 #[derive(Clone, Debug)]
 pub struct ForceExchangeTool {
     coupling: Coupling,
@@ -78,7 +78,7 @@ impl ForceExchangeTool {
     }
 }
 
-impl ToolEnd for ForceExchangeTool {
+impl ToolController for ForceExchangeTool {
     fn on_frame(&mut self, _now: Timestamp, frame: &HandleFrame) {
         self.hand_force = Vec3::from(frame.hand_force_n);
     }

@@ -1,4 +1,4 @@
-//! The coupling of the two sides. One trait an end, one module a scheme.
+//! The coupling of the two sides. One trait for each end, one module for each scheme.
 //!
 //! A scheme sees three-vectors at two ports. At the handle's port it turns what arrived into the *reaction*, the force the hand
 //! feels, and the handle side makes of hand force plus reaction a position command through the shared admittance. At the tool's
@@ -110,8 +110,8 @@ impl Coupling {
     }
 }
 
-/// A scheme's end at the handle.
-pub trait HandleEnd: Send {
+/// A scheme's controller at the handle.
+pub trait HandleController: Send {
     /// A frame newer than all before it came.
     fn on_frame(&mut self, now: Timestamp, frame: &ToolFrame);
 
@@ -140,7 +140,7 @@ pub trait HandleEnd: Send {
     /// The frame went out, just as it was filled last.
     fn on_sent(&mut self, _frame: &HandleFrame) {}
 
-    /// The end itself, where it keeps a copy of the clay.
+    /// The controller itself, where it keeps a copy of the clay.
     fn replica(&self) -> Option<&ReplicaHandle> {
         None
     }
@@ -151,15 +151,15 @@ pub trait HandleEnd: Send {
     }
 }
 
-/// A scheme's end at the tool.
-pub trait ToolEnd: Send {
+/// A scheme's controller at the tool.
+pub trait ToolController: Send {
     /// A frame newer than all before it came.
     fn on_frame(&mut self, now: Timestamp, frame: &HandleFrame);
 
     /// A frame came after a newer one, or came again. Only a scheme that plays samples in their order wants it.
     fn on_straggler(&mut self, _now: Timestamp, _frame: &HandleFrame) {}
 
-    /// One tick of a tool that the handle's sweeps lead. `None` where they do not: then the tool follows [`ToolEnd::reference`].
+    /// One tick of a tool that the handle's sweeps lead. `None` where they do not: then the tool follows [`ToolController::reference`].
     fn merge(
         &mut self,
         _now: Timestamp,
@@ -219,8 +219,8 @@ pub struct SchemeContext {
     pub setup: Arc<ToolSetup>,
 }
 
-/// The handle's end of a scheme, at rest.
-pub fn handle_end(scheme: Scheme, context: &SchemeContext) -> Box<dyn HandleEnd> {
+/// The handle's controller of a scheme, at rest.
+pub fn handle_controller(scheme: Scheme, context: &SchemeContext) -> Box<dyn HandleController> {
     let coupling = context.coupling.clone();
     match scheme {
         Scheme::ForceExchange => Box::new(ForceExchangeHandle::new(coupling)),
@@ -231,12 +231,12 @@ pub fn handle_end(scheme: Scheme, context: &SchemeContext) -> Box<dyn HandleEnd>
     }
 }
 
-/// The tool's end of a scheme, at rest with the handle at home.
-pub fn tool_end(
+/// The tool's controller of a scheme, at rest with the handle at home.
+pub fn tool_controller(
     scheme: Scheme,
     context: &SchemeContext,
     generation: Generation,
-) -> Box<dyn ToolEnd> {
+) -> Box<dyn ToolController> {
     let coupling = context.coupling.clone();
     match scheme {
         Scheme::ForceExchange => Box::new(ForceExchangeTool::new(coupling)),

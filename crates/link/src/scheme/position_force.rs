@@ -10,7 +10,7 @@
 //! answer to the motion of a tick is felt in the next: one tick more. So what the line itself may take is the margin less two ticks, for clay
 //! that answers position instead of velocity less one and a half.
 //!
-//! With perceptual coding the handle sends a frame only when its velocity has changed by more than a hand can tell, and the tool's end bridges what is
+//! With perceptual coding the handle sends a frame only when its velocity has changed by more than a hand can tell, and the tool's controller bridges what is
 //! left out.
 //!
 //! It creates energy as soon as there is delay, and has nothing to notice that with. It shows why the other schemes exist.
@@ -19,13 +19,13 @@ use std::time::Duration;
 
 use teleclay_proto::frame::{HandleFrame, ToolFrame};
 
-use super::{Coupling, HandleEnd, HandlePort, ToolEnd, ToolPort};
+use super::{Coupling, HandleController, HandlePort, ToolController, ToolPort};
 use crate::Vec3;
 use crate::deadband::Signal;
 use crate::time::Timestamp;
 use crate::travel::Recovery;
 
-/// The handle's end: what it feels is the clay's force as last received.
+/// The handle's controller: what it feels is the clay's force as last received.
 #[derive(Clone, Debug)]
 pub struct PositionForceHandle {
     coupling: Coupling,
@@ -42,7 +42,7 @@ impl PositionForceHandle {
     }
 }
 
-impl HandleEnd for PositionForceHandle {
+impl HandleController for PositionForceHandle {
     fn on_frame(&mut self, _now: Timestamp, frame: &ToolFrame) {
         self.clay_force = Vec3::from(frame.force_n);
     }
@@ -59,7 +59,7 @@ impl HandleEnd for PositionForceHandle {
     }
 }
 
-/// The tool's end: the reference is the image of the handle as last received.
+/// The tool's controller: the reference is the image of the handle as last received.
 #[derive(Clone, Copy, Debug)]
 pub struct PositionForceTool {
     position_ratio: f64,
@@ -110,7 +110,7 @@ impl PositionForceTool {
     }
 }
 
-impl ToolEnd for PositionForceTool {
+impl ToolController for PositionForceTool {
     /// What the handle does decides about the bridge, not what it was told: it hears of that a delay later.
     fn on_frame(&mut self, _now: Timestamp, frame: &HandleFrame) {
         let is_gap = self.look_for_a_gap(frame);

@@ -33,7 +33,7 @@
 use teleclay_proto::Scheme;
 use teleclay_proto::frame::{HandleFrame, ToolFrame};
 
-use super::{Coupling, HandleEnd, HandlePort, ToolEnd, ToolPort, resistance_slope};
+use super::{Coupling, HandleController, HandlePort, ToolController, ToolPort, resistance_slope};
 use crate::Vec3;
 use crate::deadband::Signal;
 use crate::energy::{Counter, Tank};
@@ -98,7 +98,7 @@ impl PortEnergy {
     }
 }
 
-/// The handle's end.
+/// The handle's controller.
 #[derive(Clone, Debug)]
 pub struct TdpaHandle {
     coupling: Coupling,
@@ -127,7 +127,7 @@ impl TdpaHandle {
     }
 }
 
-impl HandleEnd for TdpaHandle {
+impl HandleController for TdpaHandle {
     fn on_frame(&mut self, _now: Timestamp, frame: &ToolFrame) {
         if frame.header.scheme == Scheme::Tdpa {
             self.take_in(frame);
@@ -154,7 +154,7 @@ impl HandleEnd for TdpaHandle {
     }
 }
 
-/// The tool's end.
+/// The tool's controller.
 #[derive(Clone, Debug)]
 pub struct TdpaTool {
     coupling: Coupling,
@@ -205,7 +205,7 @@ impl TdpaTool {
     }
 }
 
-impl ToolEnd for TdpaTool {
+impl ToolController for TdpaTool {
     fn on_frame(&mut self, _now: Timestamp, frame: &HandleFrame) {
         if frame.header.scheme == Scheme::Tdpa {
             self.take_in(frame);

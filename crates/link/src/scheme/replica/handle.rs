@@ -1,4 +1,4 @@
-//! The handle's end: a tool in a copy of the clay.
+//! The handle's controller: a tool in a copy of the clay.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -17,7 +17,7 @@ use crate::replica::{
 };
 use crate::round_trip;
 use crate::scheme::tdpa::TdpaHandle;
-use crate::scheme::{Coupling, HandleEnd, HandlePort};
+use crate::scheme::{Coupling, HandleController, HandlePort};
 use crate::time::Timestamp;
 use crate::travel::{Recovery, Travel, Wish};
 
@@ -65,7 +65,7 @@ struct Rebuild {
     since: Timestamp,
 }
 
-/// The handle's end.
+/// The handle's controller.
 pub struct ReplicaHandle {
     coupling: Coupling,
     setup: Arc<ToolSetup>,
@@ -378,7 +378,7 @@ impl ReplicaHandle {
     }
 }
 
-impl HandleEnd for ReplicaHandle {
+impl HandleController for ReplicaHandle {
     fn on_frame(&mut self, now: Timestamp, frame: &ToolFrame) {
         if frame.header.scheme != Scheme::Replica {
             return;

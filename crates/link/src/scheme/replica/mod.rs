@@ -27,7 +27,7 @@
 //!
 //! It hides the network from the hand, not from the clay: what others cut is felt a delay late, and two tools in one place can cut the same clay for
 //! one delay, each feeling all of it. What the server's tool meets then differs from what was felt
-//! (`hidden_force` of the tool's end says by how much). It assumes one tool shape a session, and clay that does nothing by itself.
+//! (`hidden_force` of the tool's controller says by how much). It assumes one tool shape a session, and clay that does nothing by itself.
 
 mod handle;
 mod tool;

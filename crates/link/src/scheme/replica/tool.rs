@@ -1,4 +1,4 @@
-//! The tool's end: the authority merges what the handle has cut.
+//! The tool's controller: the authority merges what the handle has cut.
 
 use std::sync::Arc;
 
@@ -13,7 +13,7 @@ use crate::deadband::Signal;
 use crate::replica::{Cut, Impossible, Novelty, SweepInbox, SweepLog, ToolSetup};
 use crate::round_trip;
 use crate::scheme::tdpa::TdpaTool;
-use crate::scheme::{Coupling, ToolEnd, ToolPort};
+use crate::scheme::{Coupling, ToolController, ToolPort};
 use crate::time::Timestamp;
 use crate::travel::Recovery;
 
@@ -76,7 +76,7 @@ enum Hold {
     Known { last: u32 },
 }
 
-/// The tool's end.
+/// The tool's controller.
 pub struct ReplicaTool {
     setup: Arc<ToolSetup>,
     fallback: TdpaTool,
@@ -232,7 +232,7 @@ impl ReplicaTool {
     }
 }
 
-impl ToolEnd for ReplicaTool {
+impl ToolController for ReplicaTool {
     fn on_frame(&mut self, now: Timestamp, frame: &HandleFrame) {
         if !self.is_of_this_generation(frame) {
             self.handle_leads = false;

@@ -12,7 +12,7 @@
 //!
 //! # The tool
 //!
-//! Ours follows places, not forces. So the end gives it a mass, that of the tool, which wave and clay drive:
+//! Ours follows places, not forces. So the controller gives it a mass, that of the tool, which wave and clay drive:
 //!
 //! ```text
 //! m (v' - v) / T = s u - b v' - F_e - B (v' - v)          reference += A_h1 T v'
@@ -51,7 +51,7 @@ mod line;
 use teleclay_proto::Scheme;
 use teleclay_proto::frame::{HandleFrame, Header, ToolFrame};
 
-use super::{Coupling, HandleEnd, HandlePort, ToolEnd, ToolPort, resistance_slope};
+use super::{Coupling, HandleController, HandlePort, ToolController, ToolPort, resistance_slope};
 use crate::Vec3;
 use crate::deadband::{Quantity, Signal};
 use crate::time::Timestamp;
@@ -129,7 +129,7 @@ impl Port {
     }
 }
 
-/// The handle's end.
+/// The handle's controller.
 pub struct WaveHandle {
     port: Port,
 }
@@ -143,7 +143,7 @@ impl WaveHandle {
     }
 }
 
-impl HandleEnd for WaveHandle {
+impl HandleController for WaveHandle {
     fn on_frame(&mut self, now: Timestamp, frame: &ToolFrame) {
         let sample = Sample::new(frame.wave, frame.wave_integral, frame.energy_in_j);
         self.port.on_frame(now, &frame.header, sample);
@@ -180,7 +180,7 @@ impl HandleEnd for WaveHandle {
     }
 }
 
-/// The tool's end.
+/// The tool's controller.
 pub struct WaveTool {
     coupling: Coupling,
     port: Port,
@@ -208,7 +208,7 @@ impl WaveTool {
     }
 }
 
-impl ToolEnd for WaveTool {
+impl ToolController for WaveTool {
     fn on_frame(&mut self, now: Timestamp, frame: &HandleFrame) {
         let sample = Sample::new(frame.wave, frame.wave_integral, frame.energy_in_j);
         self.port.on_frame(now, &frame.header, sample);
