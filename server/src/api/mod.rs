@@ -52,7 +52,7 @@ use utoipa_axum::router::OpenApiRouter;
 use self::body::MAX_BODY;
 use self::problem::{Failure, INTERNAL, METHOD, NO_ANSWER};
 use self::tally::Tally;
-use self::theory::Desk;
+use self::theory::ComputePool;
 use crate::directory::Directory;
 
 pub use self::config::ApiConfig;
@@ -147,7 +147,7 @@ struct Inner {
     tally: Tally,
     watcher_places: Arc<Semaphore>,
     model_places: Arc<Semaphore>,
-    desk: Desk,
+    compute: ComputePool,
     /// The OpenAPI document, as it is sent.
     document: Bytes,
 }
@@ -167,7 +167,7 @@ impl Api {
             tally: Tally::default(),
             watcher_places: Arc::new(Semaphore::new(MAX_WATCHERS)),
             model_places: Arc::new(Semaphore::new(MAX_MODELS)),
-            desk: Desk::default(),
+            compute: ComputePool::default(),
             document: document.into(),
         }))
     }
@@ -192,8 +192,8 @@ impl Api {
         &self.0.model_places
     }
 
-    pub(crate) fn desk(&self) -> &Desk {
-        &self.0.desk
+    pub(crate) fn compute(&self) -> &ComputePool {
+        &self.0.compute
     }
 
     pub(crate) fn document(&self) -> &Bytes {

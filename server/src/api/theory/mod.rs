@@ -15,7 +15,7 @@ use teleclay_proto::http::theory::{
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
-pub(crate) use self::work::Desk;
+pub(crate) use self::work::ComputePool;
 
 use super::Api;
 use super::body::Checked;
@@ -115,7 +115,7 @@ async fn workspace(
     State(api): State<Api>,
     Checked(request): Checked<WorkspaceRequest>,
 ) -> Result<Json<WorkspaceAnswer>, Failure> {
-    api.desk()
+    api.compute()
         .calculate(move |_| theory::workspace(&request))
         .await
         .map(Json)
@@ -133,7 +133,7 @@ async fn analyse(
     State(api): State<Api>,
     Checked(request): Checked<LoopRequest>,
 ) -> Result<Json<LoopAnswer>, Failure> {
-    api.desk()
+    api.compute()
         .calculate(move |_| theory::analyse(&request))
         .await
         .map(Json)
@@ -151,8 +151,8 @@ async fn tune(
     State(api): State<Api>,
     Checked(request): Checked<TuningRequest>,
 ) -> Result<Json<TuningAnswer>, Failure> {
-    api.desk()
-        .calculate(move |patience| theory::tune(&request, || patience.lasts()))
+    api.compute()
+        .calculate(move |deadline| theory::tune(&request, || deadline.check()))
         .await
         .map(Json)
 }
@@ -169,8 +169,8 @@ async fn cutting(
     State(api): State<Api>,
     Checked(request): Checked<CuttingRequest>,
 ) -> Result<Json<CuttingAnswer>, Failure> {
-    api.desk()
-        .experiment(move |patience| theory::cutting(&request, |_| patience.lasts()))
+    api.compute()
+        .experiment(move |deadline| theory::cutting(&request, |_| deadline.check()))
         .await
         .map(Json)
 }

@@ -35,28 +35,28 @@ const LIMITS: Limits = Limits {
 
 /// Where calculations queue and run. Copies are the same.
 #[derive(Clone)]
-pub(crate) struct Desk {
+pub(crate) struct ComputePool {
     calculations: Arc<Semaphore>,
     experiments: Arc<Semaphore>,
     limits: Limits,
 }
 
-/// Tells a calculation whether anybody still waits for it.
-pub(crate) struct Patience {
+/// Until when a calculation may go on: to its time limit, or until nobody waits for it any more.
+pub(crate) struct Deadline {
     until: Instant,
     gone: Arc<AtomicBool>,
 }
 
-/// Whoever asked; when this is dropped, the calculation is told.
-struct Asker(Arc<AtomicBool>);
+/// Held by whoever asked: dropping it cancels the calculation.
+struct CancelOnDrop(Arc<AtomicBool>);
 
-impl Default for Desk {
+impl Default for ComputePool {
     fn default() -> Self {
         Self::new(LIMITS)
     }
 }
 
-impl Desk {
+impl ComputePool {
     fn new(limits: Limits) -> Self {
         Self {
             calculations: Arc::new(Semaphore::new(limits.calculations)),
@@ -68,7 +68,7 @@ impl Desk {
     /// Runs a calculation: milliseconds for most inputs, seconds for a few.
     pub(crate) async fn calculate<T: Send + 'static>(
         &self,
-        work: impl FnOnce(&Patience) -> Result<T, Unanswered> + Send + 'static,
+        work: impl FnOnce(&Deadline) -> Result<T, Unanswered> + Send + 'static,
     ) -> Result<T, Failure> {
         self.run(&self.calculations, work).await
     }
@@ -76,7 +76,7 @@ impl Desk {
     /// Runs an experiment.
     pub(crate) async fn experiment<T: Send + 'static>(
         &self,
-        work: impl FnOnce(&Patience) -> Result<T, Unanswered> + Send + 'static,
+        work: impl FnOnce(&Deadline) -> Result<T, Unanswered> + Send + 'static,
     ) -> Result<T, Failure> {
         self.run(&self.experiments, work).await
     }
@@ -86,16 +86,16 @@ impl Desk {
     async fn run<T: Send + 'static>(
         &self,
         places: &Arc<Semaphore>,
-        work: impl FnOnce(&Patience) -> Result<T, Unanswered> + Send + 'static,
+        work: impl FnOnce(&Deadline) -> Result<T, Unanswered> + Send + 'static,
     ) -> Result<T, Failure> {
         let place = self.place(places).await?;
-        let asker = Asker(Arc::new(AtomicBool::new(false)));
-        let patience = Patience {
+        let cancel = CancelOnDrop(Arc::new(AtomicBool::new(false)));
+        let deadline = Deadline {
             until: Instant::now() + self.limits.longest,
-            gone: Arc::clone(&asker.0),
+            gone: Arc::clone(&cancel.0),
         };
         let work = move || {
-            let outcome = work(&patience);
+            let outcome = work(&deadline);
             drop(place);
             outcome
         };
@@ -120,9 +120,9 @@ impl Desk {
     }
 }
 
-impl Patience {
+impl Deadline {
     /// Whether to go on.
-    pub(crate) fn lasts(&self) -> ControlFlow<()> {
+    pub(crate) fn check(&self) -> ControlFlow<()> {
         if self.gone.load(Ordering::Relaxed) || self.until < Instant::now() {
             ControlFlow::Break(())
         } else {
@@ -131,7 +131,7 @@ impl Patience {
     }
 }
 
-impl Drop for Asker {
+impl Drop for CancelOnDrop {
     fn drop(&mut self) {
         self.0.store(true, Ordering::Relaxed);
     }
@@ -148,13 +148,13 @@ mod tests {
     /// One experiment at a time: the second begins when the first has ended.
     #[tokio::test(flavor = "multi_thread")]
     async fn experiments_queue() {
-        let desk = Desk::default();
+        let pool = ComputePool::default();
         let (go, wait) = mpsc::channel();
         let (tell, told) = mpsc::channel();
         let first = tokio::spawn({
-            let (desk, tell) = (desk.clone(), tell.clone());
+            let (pool, tell) = (pool.clone(), tell.clone());
             async move {
-                desk.experiment(move |_| {
+                pool.experiment(move |_| {
                     tell.send("first begins").unwrap();
                     wait.recv_timeout(PATIENCE).unwrap();
                     tell.send("first ends").unwrap();
@@ -165,7 +165,7 @@ mod tests {
         });
         assert_eq!(told.recv_timeout(PATIENCE), Ok("first begins"));
         let second = tokio::spawn(async move {
-            desk.experiment(move |_| {
+            pool.experiment(move |_| {
                 tell.send("second begins").unwrap();
                 Ok(2)
             })
@@ -181,14 +181,14 @@ mod tests {
     /// An experiment whose asker went away is told, and its place is free again.
     #[tokio::test(flavor = "multi_thread")]
     async fn who_goes_away_calls_it_off() {
-        let desk = Desk::default();
+        let pool = ComputePool::default();
         let (tell, told) = mpsc::channel();
         let asked = tokio::spawn({
-            let desk = desk.clone();
+            let pool = pool.clone();
             async move {
-                desk.experiment(move |patience| {
+                pool.experiment(move |deadline| {
                     tell.send("runs").unwrap();
-                    while patience.lasts().is_continue() {
+                    while deadline.check().is_continue() {
                         std::hint::spin_loop();
                     }
                     tell.send("ends").unwrap();
@@ -202,24 +202,24 @@ mod tests {
         asked.abort();
         assert_eq!(told.recv_timeout(PATIENCE), Ok("ends"));
         assert!(began.elapsed() < LIMITS.longest, "it ran to its own end");
-        assert_eq!(desk.experiment(|_| Ok(3)).await, Ok(3));
+        assert_eq!(pool.experiment(|_| Ok(3)).await, Ok(3));
     }
 
     /// Who waits in vain is told to come back; what is quick does not wait for what is long; and what is too long is ended.
     #[tokio::test(flavor = "multi_thread")]
     async fn what_is_too_long_for_the_next_one_is_said_and_ended() {
-        let desk = Desk::new(Limits {
+        let pool = ComputePool::new(Limits {
             queue: Duration::from_millis(20),
             longest: Duration::from_millis(500),
             ..LIMITS
         });
         let (tell, told) = mpsc::channel();
         let endless = tokio::spawn({
-            let desk = desk.clone();
+            let pool = pool.clone();
             async move {
-                desk.experiment(move |patience| {
+                pool.experiment(move |deadline| {
                     tell.send("runs").unwrap();
-                    while patience.lasts().is_continue() {
+                    while deadline.check().is_continue() {
                         std::hint::spin_loop();
                     }
                     Err::<(), _>(Unanswered::CalledOff("it was called off".to_owned()))
@@ -228,9 +228,9 @@ mod tests {
             }
         });
         assert_eq!(told.recv_timeout(PATIENCE), Ok("runs"));
-        let refused = desk.experiment(|_| Ok(())).await.unwrap_err();
+        let refused = pool.experiment(|_| Ok(())).await.unwrap_err();
         assert_eq!(refused.into_problem().kind, "/problems/busy");
-        assert_eq!(desk.calculate(|_| Ok(4)).await, Ok(4));
+        assert_eq!(pool.calculate(|_| Ok(4)).await, Ok(4));
         let ended = endless.await.unwrap().unwrap_err();
         assert_eq!(ended.into_problem().kind, "/problems/no-answer");
     }
