@@ -7,14 +7,14 @@ use crate::event::Event;
 /// A hand that works along the fence touches it again and again; it is clear once it has not for this long, ns.
 const CLEAR_AFTER_NS: u64 = 500_000_000;
 
-/// What was told last.
+/// Watches how near a robot is to its fence; holds what was told last.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Lookout {
+pub(crate) struct SingularityMonitor {
     /// The time of the last tick at the fence, while that has been told.
     held_at_ns: Option<u64>,
 }
 
-impl Lookout {
+impl SingularityMonitor {
     /// What one tick of a robot gives to tell.
     pub(crate) fn watch(&mut self, at_ns: u64, robot: &RobotState) -> Option<Event> {
         if robot.is_held {
@@ -47,12 +47,12 @@ mod tests {
             is_slowed: false,
             is_overpowered: false,
         };
-        let mut lookout = Lookout::default();
+        let mut monitor = SingularityMonitor::default();
         let mut told = Vec::new();
         for ms in 0..4_000_u64 {
             // Along the fence for two seconds, with gaps; then away.
             robot.is_held = (100..2_000).contains(&ms) && ms % 400 < 300;
-            if let Some(event) = lookout.watch(ms * 1_000_000, &robot) {
+            if let Some(event) = monitor.watch(ms * 1_000_000, &robot) {
                 told.push((ms, event.to_string()));
             }
         }

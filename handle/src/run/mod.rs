@@ -32,7 +32,7 @@ use crate::join::{self, JoinError, Welcome};
 use crate::line::Line;
 use crate::recording::Recording;
 use crate::refresh::Fresh;
-use crate::singularity::Lookout;
+use crate::singularity::SingularityMonitor;
 use crate::status::{State, Status, Tally};
 
 pub use failure::{EXIT_CODES, Failure};
@@ -162,7 +162,7 @@ struct Run {
     /// Of the last record: lease, state of the link, and since when it lasts.
     link_state: (u32, LinkState, Instant),
     mode: Mode,
-    lookout: Lookout,
+    singularity: SingularityMonitor,
     is_leaving: bool,
 }
 
@@ -195,7 +195,7 @@ impl Run {
             gone: unbounded_channel(),
             link_state: (0, LinkState::NotYet, started),
             mode: Mode::Resting,
-            lookout: Lookout::default(),
+            singularity: SingularityMonitor::default(),
             is_leaving: false,
         };
         run.search();

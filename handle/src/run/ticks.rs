@@ -72,7 +72,7 @@ impl Run {
             return Err(Failure::Fault(fault));
         }
         if let Some(robot) = &record.robot
-            && let Some(event) = self.lookout.watch(record.at_ns, robot)
+            && let Some(event) = self.singularity.watch(record.at_ns, robot)
         {
             self.tell(event);
         }
