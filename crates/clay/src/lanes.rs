@@ -13,9 +13,9 @@ mod wide;
 use crate::grid::BRICK_EDGE;
 
 #[cfg(not(target_arch = "x86_64"))]
-pub(crate) use arrays::{Floats, Ints, Removed, Tile};
+pub(crate) use arrays::{F32x4, I32x4, Removed, Tile};
 #[cfg(target_arch = "x86_64")]
-pub(crate) use sse2::{Floats, Ints, Removed, Tile};
+pub(crate) use sse2::{F32x4, I32x4, Removed, Tile};
 
 pub(crate) use wide::{Work, widely};
 
@@ -71,11 +71,11 @@ mod tests {
                 (|$a:ident, $b:ident| $result:expr) => {
                     prop_assert_eq!(
                         {
-                            let ($a, $b) = (arrays::Floats::from_array(a), arrays::Floats::from_array(b));
+                            let ($a, $b) = (arrays::F32x4::from_array(a), arrays::F32x4::from_array(b));
                             bits(($result).to_array())
                         },
                         {
-                            let ($a, $b) = (sse2::Floats::from_array(a), sse2::Floats::from_array(b));
+                            let ($a, $b) = (sse2::F32x4::from_array(a), sse2::F32x4::from_array(b));
                             bits(($result).to_array())
                         }
                     );
@@ -85,44 +85,44 @@ mod tests {
             for_both!(|a, b| a - b);
             for_both!(|a, b| a * b);
             for_both!(|a, b| a / b);
-            for_both!(|a, b| a.lesser(b));
-            for_both!(|a, b| a.greater(b));
+            for_both!(|a, b| a.min(b));
+            for_both!(|a, b| a.max(b));
             for_both!(|a, _b| a.sqrt());
             for_both!(|a, _b| a.abs());
             for_both!(|a, b| a.where_below(b, b, a));
             for lane in 0..LANES {
                 for_both!(|a, _b| a.each_splatted()[lane]);
-                prop_assert_eq!(bits(sse2::Floats::from_array(a).each_splatted()[lane].to_array()), bits([a[lane]; LANES]));
+                prop_assert_eq!(bits(sse2::F32x4::from_array(a).each_splatted()[lane].to_array()), bits([a[lane]; LANES]));
             }
             prop_assert_eq!(
-                arrays::Floats::from_array(a).any_above_0(),
-                sse2::Floats::from_array(a).any_above_0()
+                arrays::F32x4::from_array(a).any_above_0(),
+                sse2::F32x4::from_array(a).any_above_0()
             );
             let (mut by_arrays, mut by_vectors) = ([0.0; LANES], [0.0; LANES]);
-            arrays::Floats::load(&a).store(&mut by_arrays);
-            sse2::Floats::load(&a).store(&mut by_vectors);
+            arrays::F32x4::load(&a).store(&mut by_arrays);
+            sse2::F32x4::load(&a).store(&mut by_vectors);
             prop_assert_eq!(bits(by_arrays), bits(a));
             prop_assert_eq!(bits(by_vectors), bits(a));
             prop_assert_eq!(
-                bits(arrays::Floats::splat(c).to_array()),
-                bits(sse2::Floats::splat(c).to_array())
+                bits(arrays::F32x4::splat(c).to_array()),
+                bits(sse2::F32x4::splat(c).to_array())
             );
             prop_assert_eq!(
-                bits(arrays::Floats::stepping(at, step).to_array()),
-                bits(sse2::Floats::stepping(at, step).to_array())
+                bits(arrays::F32x4::stepping(at, step).to_array()),
+                bits(sse2::F32x4::stepping(at, step).to_array())
             );
             prop_assert_eq!(
-                arrays::Floats::from_array(a).is_below(arrays::Floats::from_array(b)).bits(),
-                sse2::Floats::from_array(a).is_below(sse2::Floats::from_array(b)).bits()
+                arrays::F32x4::from_array(a).is_below(arrays::F32x4::from_array(b)).bits(),
+                sse2::F32x4::from_array(a).is_below(sse2::F32x4::from_array(b)).bits()
             );
             let lanes = |of: &dyn Fn(f32, f32) -> bool| {
                 (0..LANES).map(|lane| u32::from(of(a[lane], b[lane])) << lane).sum::<u32>()
             };
             macro_rules! below_b_and_1 {
                 ($room:ident) => {{
-                    let here = $room::Floats::from_array(a);
-                    let one = $room::Floats::splat(1.0);
-                    (here.is_below($room::Floats::from_array(b)), here.is_below(one))
+                    let here = $room::F32x4::from_array(a);
+                    let one = $room::F32x4::splat(1.0);
+                    (here.is_below($room::F32x4::from_array(b)), here.is_below(one))
                 }};
             }
             let (first, second) = below_b_and_1!(sse2);
@@ -135,8 +135,8 @@ mod tests {
 
         #[test]
         fn both_ways_spread_the_same_bytes(lanes in any::<[u64; LANES]>()) {
-            let by_arrays = arrays::Floats::of_bytes(lanes).map(arrays::Floats::to_array);
-            let by_vectors = sse2::Floats::of_bytes(lanes).map(sse2::Floats::to_array);
+            let by_arrays = arrays::F32x4::of_bytes(lanes).map(arrays::F32x4::to_array);
+            let by_vectors = sse2::F32x4::of_bytes(lanes).map(sse2::F32x4::to_array);
             prop_assert_eq!(by_arrays.map(bits), by_vectors.map(bits));
             for (lane, bytes) in lanes.into_iter().enumerate() {
                 for (at, byte) in bytes.to_le_bytes().into_iter().enumerate() {
@@ -151,17 +151,17 @@ mod tests {
             others in prop::array::uniform4(0.0_f32..3.0),
             factor in 0_i16..=1200,
         ) {
-            let of_arrays = |lanes| arrays::Floats::from_array(lanes).nearest_within([0.0, 4e6]);
-            let of_vectors = |lanes| sse2::Floats::from_array(lanes).nearest_within([0.0, 4e6]);
+            let of_arrays = |lanes| arrays::F32x4::from_array(lanes).nearest_within([0.0, 4e6]);
+            let of_vectors = |lanes| sse2::F32x4::from_array(lanes).nearest_within([0.0, 4e6]);
             let ((a, b), (c, d)) = ((of_arrays(places), of_arrays(others)), (of_vectors(places), of_vectors(others)));
             prop_assert_eq!((a + b).to_array(), (c + d).to_array());
             prop_assert_eq!(a.masked(4095).to_array(), c.masked(4095).to_array());
             prop_assert_eq!(a.shifted_right::<12>().to_array(), c.shifted_right::<12>().to_array());
             prop_assert_eq!(b.shifted_left::<8>().to_array(), d.shifted_left::<8>().to_array());
-            prop_assert_eq!(bits(a.to_floats().to_array()), bits(c.to_floats().to_array()));
+            prop_assert_eq!(bits(a.to_f32().to_array()), bits(c.to_f32().to_array()));
             prop_assert_eq!(
-                b.equals(arrays::Ints::splat(1)).bits(),
-                d.equals(sse2::Ints::splat(1)).bits()
+                b.equals(arrays::I32x4::splat(1)).bits(),
+                d.equals(sse2::I32x4::splat(1)).bits()
             );
             let products = c.shifted_right::<12>().times(factor).to_array();
             prop_assert_eq!(a.shifted_right::<12>().times(factor).to_array(), products);
@@ -172,7 +172,7 @@ mod tests {
 
         #[test]
         fn both_ways_find_the_same_extremes(of in prop::array::uniform4(-1e8_f32..1e8)) {
-            let (by_arrays, by_vectors) = (arrays::Floats::from_array(of), sse2::Floats::from_array(of));
+            let (by_arrays, by_vectors) = (arrays::F32x4::from_array(of), sse2::F32x4::from_array(of));
             let least = of.into_iter().fold(f32::INFINITY, f32::min);
             let most = of.into_iter().fold(f32::NEG_INFINITY, f32::max);
             prop_assert_eq!(bits(by_vectors.least().to_array()), [least.to_bits(); LANES]);
@@ -199,8 +199,8 @@ mod tests {
                 state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
                 *cell = (state >> 56) as u8;
             }
-            let by_arrays = arrays::Tile::nearest(shares.map(arrays::Floats::from_array));
-            let by_vectors = sse2::Tile::nearest(shares.map(sse2::Floats::from_array));
+            let by_arrays = arrays::Tile::nearest(shares.map(arrays::F32x4::from_array));
+            let by_vectors = sse2::Tile::nearest(shares.map(sse2::F32x4::from_array));
             prop_assert_eq!(by_arrays.is_solid(), by_vectors.is_solid());
             prop_assert_eq!(by_vectors.is_solid(), shares.as_flattened().iter().all(|share| 254.5 <= *share));
             let (mut after, mut after_too) = (old, old);
@@ -227,8 +227,8 @@ mod tests {
         #[test]
         fn both_ways_find_the_same_integers(a in lanes(), least in -1000_i32..100, extent in 0_i32..1000) {
             let bounds = [least as f32, (least + extent) as f32];
-            let by_arrays = arrays::Floats::from_array(a).nearest_within(bounds);
-            let by_vectors = sse2::Floats::from_array(a).nearest_within(bounds);
+            let by_arrays = arrays::F32x4::from_array(a).nearest_within(bounds);
+            let by_vectors = sse2::F32x4::from_array(a).nearest_within(bounds);
             prop_assert_eq!(by_arrays.to_array(), by_vectors.to_array());
             for (nearest, a) in by_vectors.to_array().into_iter().zip(a) {
                 let want = if a.is_nan() { bounds[0] } else { a.max(bounds[0]).min(bounds[1]) };

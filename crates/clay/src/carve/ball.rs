@@ -2,7 +2,7 @@
 
 use super::way::{Way, nearest_voxel};
 use super::{BrickAt, HALF_UNITS, InBrick, RAMP, SLACK, Solid, Tables, TileIndex, UNITS_PER_VOXEL};
-use crate::lanes::{Floats, LANES, Tile};
+use crate::lanes::{F32x4, LANES, Tile};
 use crate::tool::Ball;
 
 /// Relative rounding error of a distance in single precision: of coordinates, their squares, the sum and the root, and as much
@@ -104,16 +104,16 @@ impl Centre {
 
     /// Four voxels' ways from the place along an axis, in units, `step` voxels apart.
     #[inline(always)]
-    pub(super) fn ways(&self, axis: usize, first: i32, step: i32) -> Floats {
+    pub(super) fn ways(&self, axis: usize, first: i32, step: i32) -> F32x4 {
         ways(first - self.origin[axis], step, self.offset[axis])
     }
 }
 
 /// Four ways, in units, `step` voxels apart, of which the first is this many voxels from an origin at `offset`.
 #[inline(always)]
-pub(super) fn ways(first: i32, step: i32, offset: f32) -> Floats {
-    let units = Floats::splat(UNITS_PER_VOXEL as f32);
-    Floats::stepping(first, step) * units + Floats::splat(offset)
+pub(super) fn ways(first: i32, step: i32, offset: f32) -> F32x4 {
+    let units = F32x4::splat(UNITS_PER_VOXEL as f32);
+    F32x4::stepping(first, step) * units + F32x4::splat(offset)
 }
 
 /// What is left over at the centre of a ball, if that were not cut off at nothing.
@@ -152,13 +152,13 @@ impl Solid for BallStep {
 
     #[inline(always)]
     fn prepare(&self, tables: &mut Tables, bricks: [[i32; 2]; 3]) {
-        let square = |way: Floats| way * way;
+        let square = |way: F32x4| way * way;
         for axis in 0..3 {
             let way = |first| self.centre.ways(axis, first, 1);
             tables.note_voxels(axis, SQUARED, bricks[axis], |first| square(way(first)));
         }
         let way = |offset: &[f32; 3], first: i32| ways(first - self.centre.origin[2], 1, offset[2]);
-        let step_z = Floats::splat(self.step[2]);
+        let step_z = F32x4::splat(self.step[2]);
         tables.note_voxels(2, Z_FROM_SQUARED, bricks[2], |first| {
             square(way(&self.from, first))
         });
@@ -171,19 +171,19 @@ impl Solid for BallStep {
                 let last = first + LANES as i32 - 1;
                 [first, last].map(|at| ways(at, LANES as i32, offset[axis]))
             };
-            let zero = Floats::splat(0.0);
+            let zero = F32x4::splat(0.0);
             tables.note_fours(axis, NEAREST, bricks[axis], |first| {
                 let [first, last] = ends(&self.centre.offset, first);
-                square(first.greater(zero - last).greater(zero))
+                square(first.max(zero - last).max(zero))
             });
             tables.note_fours(axis, FARTHEST, bricks[axis], |first| {
                 let [first, last] = ends(&self.from, first);
-                square(last.greater(zero - first))
+                square(last.max(zero - first))
             });
-            let step = Floats::splat(self.step[axis]);
+            let step = F32x4::splat(self.step[axis]);
             tables.note_fours(axis, AHEAD, bricks[axis], |first| {
                 let [first, last] = ends(&self.middle, first);
-                (first * step).greater(last * step)
+                (first * step).max(last * step)
             });
         }
     }
@@ -206,10 +206,10 @@ impl Solid for BallStep {
                 bands[1] + farthest.most(),
                 bands[2] + ahead.most(),
             ],
-            reach_squared: Floats::splat(self.reach_squared),
-            clear_squared: Floats::splat(self.clear_squared),
-            nowhere: Floats::splat(self.nowhere),
-            at_centre: Floats::splat(self.at_centre),
+            reach_squared: F32x4::splat(self.reach_squared),
+            clear_squared: F32x4::splat(self.clear_squared),
+            nowhere: F32x4::splat(self.nowhere),
+            at_centre: F32x4::splat(self.at_centre),
         }
     }
 }
@@ -219,18 +219,18 @@ struct BallInBrick<'a> {
     tables: &'a Tables,
     at: BrickAt,
     /// As in the tables: of tiles, and of bands together with the extremes over all tiles.
-    tiles: [Floats; 3],
-    any_tile: [Floats; 3],
-    reach_squared: Floats,
-    clear_squared: Floats,
-    nowhere: Floats,
-    at_centre: Floats,
+    tiles: [F32x4; 3],
+    any_tile: [F32x4; 3],
+    reach_squared: F32x4,
+    clear_squared: F32x4,
+    nowhere: F32x4,
+    at_centre: F32x4,
 }
 
 impl BallInBrick<'_> {
     /// Within reach of the end, not wholly where nothing is left, and not wholly behind.
     #[inline(always)]
-    fn may_change(&self, layer: usize, [nearest, farthest, ahead]: [Floats; 3]) -> u32 {
+    fn may_change(&self, layer: usize, [nearest, farthest, ahead]: [F32x4; 3]) -> u32 {
         let of_layer = |number| self.tables.layer(number, self.at, layer);
         let near = (nearest + of_layer(SQUARED)).is_below(self.reach_squared);
         let left = self
@@ -265,7 +265,7 @@ impl InBrick for BallInBrick<'_> {
         let across = self.tables.four_voxels(1, SQUARED, self.at, tile.band())
             + self.tables.layer(SQUARED, self.at, tile.layer());
         let [a, b, c, d] = across.each_splatted();
-        let leaves = |across: Floats| (along + across).sqrt() + self.at_centre;
+        let leaves = |across: F32x4| (along + across).sqrt() + self.at_centre;
         Tile::nearest([leaves(a), leaves(b), leaves(c), leaves(d)])
     }
 }

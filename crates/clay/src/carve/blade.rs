@@ -7,7 +7,7 @@
 
 use super::way::Way;
 use super::{BrickAt, HALF_UNITS, InBrick, RAMP, SLACK, Solid, Tables, TileIndex, UNITS_PER_VOXEL};
-use crate::lanes::{Floats, LANES, Tile};
+use crate::lanes::{F32x4, LANES, Tile};
 use crate::tool::{Blade, ToolShape};
 
 /// The hull in voxel units, voxel centres at whole numbers.
@@ -103,35 +103,34 @@ impl BladeSweep {
 impl Axis {
     /// Distance of places above the upper plane of the box whose middle is at `-offset`.
     #[inline(always)]
-    fn above(&self, at: Floats, offset: f32) -> Floats {
-        at + Floats::splat(offset) - Floats::splat(self.half)
+    fn above(&self, at: F32x4, offset: f32) -> F32x4 {
+        at + F32x4::splat(offset) - F32x4::splat(self.half)
     }
 
     /// Distance of places below its lower plane.
     #[inline(always)]
-    fn below(&self, at: Floats, offset: f32) -> Floats {
-        Floats::splat(0.0) - (at + Floats::splat(offset)) - Floats::splat(self.half)
+    fn below(&self, at: F32x4, offset: f32) -> F32x4 {
+        F32x4::splat(0.0) - (at + F32x4::splat(offset)) - F32x4::splat(self.half)
     }
 
     /// Distance outside the hull's two planes.
     #[inline(always)]
-    fn outside_hull(&self, at: Floats) -> Floats {
-        self.above(at, self.upper)
-            .greater(self.below(at, self.lower))
+    fn outside_hull(&self, at: F32x4) -> F32x4 {
+        self.above(at, self.upper).max(self.below(at, self.lower))
     }
 
     /// Distance outside the two planes of the box at the end.
     #[inline(always)]
-    fn outside_end(&self, at: Floats) -> Floats {
-        self.above(at, self.to).greater(self.below(at, self.to))
+    fn outside_end(&self, at: F32x4) -> F32x4 {
+        self.above(at, self.to).max(self.below(at, self.to))
     }
 
     /// Bounds on distances in runs of places.
     #[inline(always)]
-    fn bounds(&self, first: Floats, last: Floats) -> Bounds {
-        let none = Floats::splat(f32::MIN);
+    fn bounds(&self, first: F32x4, last: F32x4) -> Bounds {
+        let none = F32x4::splat(f32::MIN);
         let from = self.from;
-        let nearest = |upper, lower| self.above(first, upper).greater(self.below(last, lower));
+        let nearest = |upper, lower| self.above(first, upper).max(self.below(last, lower));
         let (ahead, still) = if self.step < 0.0 {
             (self.below(first, from), self.above(first, from))
         } else if 0.0 < self.step {
@@ -141,7 +140,7 @@ impl Axis {
         };
         Bounds {
             nearest: nearest(self.upper, self.lower),
-            farthest: self.above(last, from).greater(self.below(first, from)),
+            farthest: self.above(last, from).max(self.below(first, from)),
             ahead,
             still,
         }
@@ -152,10 +151,10 @@ impl Axis {
 /// planes that advance and the least outside those that do not.
 #[derive(Clone, Copy)]
 struct Bounds {
-    nearest: Floats,
-    farthest: Floats,
-    ahead: Floats,
-    still: Floats,
+    nearest: F32x4,
+    farthest: F32x4,
+    ahead: F32x4,
+    still: F32x4,
 }
 
 impl Bounds {
@@ -163,10 +162,10 @@ impl Bounds {
     #[inline(always)]
     fn and(self, other: Self) -> Self {
         Self {
-            nearest: self.nearest.greater(other.nearest),
-            farthest: self.farthest.greater(other.farthest),
-            ahead: self.ahead.greater(other.ahead),
-            still: self.still.greater(other.still),
+            nearest: self.nearest.max(other.nearest),
+            farthest: self.farthest.max(other.farthest),
+            ahead: self.ahead.max(other.ahead),
+            still: self.still.max(other.still),
         }
     }
 
@@ -183,7 +182,7 @@ impl Bounds {
 
     /// From the tables.
     #[inline(always)]
-    fn read(number: impl Fn(usize) -> Floats) -> Self {
+    fn read(number: impl Fn(usize) -> F32x4) -> Self {
         let [nearest, farthest, ahead, still] = BOUNDS;
         Self {
             nearest: number(nearest),
@@ -224,8 +223,8 @@ impl Slabs {
 /// What is left over at a distance outside a solid. It grows with the distance in spite of rounding, so the greatest or least of
 /// several is the same before and after.
 #[inline(always)]
-fn left_over(distance: Floats) -> Floats {
-    Floats::splat(HALF_UNITS as f32) + Floats::splat(UNITS_PER_VOXEL as f32) * distance
+fn left_over(distance: F32x4) -> F32x4 {
+    F32x4::splat(HALF_UNITS as f32) + F32x4::splat(UNITS_PER_VOXEL as f32) * distance
 }
 
 /// Numbers of voxels: what is left over by the distance outside the hull's planes across the axis, and outside those of the box at the
@@ -241,31 +240,31 @@ const SLAB_MIDDLES: [usize; 3] = [4, 5, 6];
 impl BladeSweep {
     /// Notes bounds of places, each from `first` to `last`.
     #[inline(always)]
-    fn bounds_of(&self, axis: usize, of: usize, first: Floats, last: Floats) -> Floats {
+    fn bounds_of(&self, axis: usize, of: usize, first: F32x4, last: F32x4) -> F32x4 {
         let bounds = self.axes[axis].bounds(first, last);
         [bounds.nearest, bounds.farthest, bounds.ahead, bounds.still][of]
     }
 
     /// Ways along a slab's normal that places along an axis make.
     #[inline(always)]
-    fn along(&self, slab: &Slab, axis: usize, at: Floats) -> Floats {
-        (at + Floats::splat(self.axes[axis].middle)) * Floats::splat(slab.normal[axis])
+    fn along(&self, slab: &Slab, axis: usize, at: F32x4) -> F32x4 {
+        (at + F32x4::splat(self.axes[axis].middle)) * F32x4::splat(slab.normal[axis])
     }
 
     fn prepare_askew(&self, tables: &mut Tables, bricks: [[i32; 2]; 3]) {
-        let half = Floats::splat(0.5 * (LANES - 1) as f32);
+        let half = F32x4::splat(0.5 * (LANES - 1) as f32);
         for axis in 0..3 {
             tables.note_voxels(axis, END, bricks[axis], |first| {
-                left_over(self.axes[axis].outside_end(Floats::stepping(first, 1)))
+                left_over(self.axes[axis].outside_end(F32x4::stepping(first, 1)))
             });
             for (slab, (number, middles)) in
                 self.slabs.iter().zip(SLABS.into_iter().zip(SLAB_MIDDLES))
             {
                 tables.note_voxels(axis, number, bricks[axis], |first| {
-                    self.along(slab, axis, Floats::stepping(first, 1))
+                    self.along(slab, axis, F32x4::stepping(first, 1))
                 });
                 tables.note_fours(axis, middles, bricks[axis], |first| {
-                    self.along(slab, axis, Floats::stepping(first, LANES as i32) + half)
+                    self.along(slab, axis, F32x4::stepping(first, LANES as i32) + half)
                 });
             }
         }
@@ -281,19 +280,19 @@ impl Solid for BladeSweep {
     fn prepare(&self, tables: &mut Tables, bricks: [[i32; 2]; 3]) {
         for axis in 0..3 {
             tables.note_voxels(axis, HULL, bricks[axis], |first| {
-                left_over(self.axes[axis].outside_hull(Floats::stepping(first, 1)))
+                left_over(self.axes[axis].outside_hull(F32x4::stepping(first, 1)))
             });
         }
         for number in BOUNDS {
             for axis in 0..2 {
                 tables.note_fours(axis, number, bricks[axis], |first| {
                     let [first, last] = [first, first + LANES as i32 - 1]
-                        .map(|at| Floats::stepping(at, LANES as i32));
+                        .map(|at| F32x4::stepping(at, LANES as i32));
                     self.bounds_of(axis, number, first, last)
                 });
             }
             tables.note_voxels(2, LAYER_BOUNDS[number], bricks[2], |first| {
-                let at = Floats::stepping(first, 1);
+                let at = F32x4::stepping(first, 1);
                 self.bounds_of(2, number, at, at)
             });
         }
@@ -321,12 +320,12 @@ impl Solid for BladeSweep {
             slabs: self.slabs.of.map(|slab| {
                 let [x, y, _] = slab.normal;
                 let reach = slab.half + corner + half * (x.abs() + y.abs());
-                [slab.half, reach].map(Floats::splat)
+                [slab.half, reach].map(F32x4::splat)
             }),
             slab_count: self.slabs.count,
-            reach: Floats::splat(self.reach),
-            clear: Floats::splat(self.clear),
-            slack: Floats::splat(self.slack),
+            reach: F32x4::splat(self.reach),
+            clear: F32x4::splat(self.clear),
+            slack: F32x4::splat(self.slack),
         }
     }
 }
@@ -340,11 +339,11 @@ struct BladeInBrick<'a> {
     /// Of bands, together with the extremes over all tiles.
     any_tile: Bounds,
     /// Of each slab, half its thickness, and how far a tile's middle may be from its middle for anything in the tile to change.
-    slabs: [[Floats; 2]; 3],
+    slabs: [[F32x4; 2]; 3],
     slab_count: usize,
-    reach: Floats,
-    clear: Floats,
-    slack: Floats,
+    reach: F32x4,
+    clear: F32x4,
+    slack: F32x4,
 }
 
 impl BladeInBrick<'_> {
@@ -362,17 +361,12 @@ impl BladeInBrick<'_> {
 
     /// What is left over by the planes of the hull, or of the box at the end.
     #[inline(always)]
-    fn by_planes(&self, number: usize, tile: TileIndex) -> [Floats; LANES] {
+    fn by_planes(&self, number: usize, tile: TileIndex) -> [F32x4; LANES] {
         let along = self.tables.four_voxels(0, number, self.at, tile.tile());
         let bands = self.tables.four_voxels(1, number, self.at, tile.band());
-        let across = bands.greater(self.tables.layer(number, self.at, tile.layer()));
+        let across = bands.max(self.tables.layer(number, self.at, tile.layer()));
         let [a, b, c, d] = across.each_splatted();
-        [
-            along.greater(a),
-            along.greater(b),
-            along.greater(c),
-            along.greater(d),
-        ]
+        [along.max(a), along.max(b), along.max(c), along.max(d)]
     }
 }
 
@@ -410,11 +404,11 @@ impl InBrick for BladeInBrick<'_> {
                 .four_voxels(1, SLABS[slab], self.at, tile.band())
                 + self.tables.layer(SLABS[slab], self.at, tile.layer());
             for (hull, across) in hull.iter_mut().zip(across.each_splatted()) {
-                *hull = hull.greater(left_over((along + across).abs() - *half));
+                *hull = hull.max(left_over((along + across).abs() - *half));
             }
         }
         // The hull lies about the box at the end, but for rounding and outside its edges.
         let end = self.by_planes(END, tile);
-        Tile::nearest(std::array::from_fn(|row| hull[row].lesser(end[row])))
+        Tile::nearest(std::array::from_fn(|row| hull[row].min(end[row])))
     }
 }

@@ -4,7 +4,7 @@ use super::ball::{Centre, DISTANCE_ERROR, at_centre, clear_squared, square_in_un
 use super::way::Way;
 use super::{BrickAt, InBrick, RAMP, SLACK, Solid, Tables, TileIndex, UNITS_PER_VOXEL};
 use crate::grid::BRICK_EDGE;
-use crate::lanes::{Floats, LANES, Tile};
+use crate::lanes::{F32x4, LANES, Tile};
 use crate::tool::Ball;
 
 /// From the middle of a tile to the farthest of its voxels, in voxels.
@@ -108,12 +108,12 @@ impl Solid for CapsuleSweep {
         CapsuleInBrick {
             tables,
             at,
-            step: self.step.map(Floats::splat),
-            share_per_along: Floats::splat(self.share_per_along),
-            reach_squared: Floats::splat(self.reach_squared),
-            clear_squared: Floats::splat(self.clear_squared),
-            nowhere: Floats::splat(self.nowhere),
-            at_centre: Floats::splat(self.at_centre),
+            step: self.step.map(F32x4::splat),
+            share_per_along: F32x4::splat(self.share_per_along),
+            reach_squared: F32x4::splat(self.reach_squared),
+            clear_squared: F32x4::splat(self.clear_squared),
+            nowhere: F32x4::splat(self.nowhere),
+            at_centre: F32x4::splat(self.at_centre),
         }
     }
 }
@@ -122,26 +122,26 @@ impl Solid for CapsuleSweep {
 struct CapsuleInBrick<'a> {
     tables: &'a Tables,
     at: BrickAt,
-    step: [Floats; 3],
-    share_per_along: Floats,
-    reach_squared: Floats,
-    clear_squared: Floats,
-    nowhere: Floats,
-    at_centre: Floats,
+    step: [F32x4; 3],
+    share_per_along: F32x4,
+    reach_squared: F32x4,
+    clear_squared: F32x4,
+    nowhere: F32x4,
+    at_centre: F32x4,
 }
 
 impl CapsuleInBrick<'_> {
     #[inline(always)]
-    fn along(&self, [x, y, z]: [Floats; 3]) -> Floats {
+    fn along(&self, [x, y, z]: [F32x4; 3]) -> F32x4 {
         let [step_x, step_y, step_z] = self.step;
         x * step_x + (y * step_y + z * step_z)
     }
 
     /// Squared distances from the way's point at a share of it.
     #[inline(always)]
-    fn squared(&self, [x, y, z]: [Floats; 3], share: Floats) -> Floats {
+    fn squared(&self, [x, y, z]: [F32x4; 3], share: F32x4) -> F32x4 {
         let [step_x, step_y, step_z] = self.step;
-        let share = share * Floats::splat(UNITS_PER_VOXEL as f32);
+        let share = share * F32x4::splat(UNITS_PER_VOXEL as f32);
         let (x, y, z) = (x - share * step_x, y - share * step_y, z - share * step_z);
         x * x + (y * y + z * z)
     }
@@ -155,14 +155,14 @@ impl InBrick for CapsuleInBrick<'_> {
 
     #[inline(always)]
     fn tiles(&self, layer: usize, band: usize) -> u32 {
-        let (zero, one) = (Floats::splat(0.0), Floats::splat(1.0));
+        let (zero, one) = (F32x4::splat(0.0), F32x4::splat(1.0));
         let at = [
             self.tables.fours(0, MIDDLE_FROM, self.at),
             self.tables.band(MIDDLE_FROM, self.at, band),
             self.tables.layer(FROM, self.at, layer),
         ];
         let along = self.along(at);
-        let share = (along * self.share_per_along).greater(zero).lesser(one);
+        let share = (along * self.share_per_along).max(zero).min(one);
         let near = self.squared(at, share).is_below(self.reach_squared);
         let left = self.clear_squared.is_below(self.squared(at, zero));
         let ahead = self.nowhere.is_below(along);
@@ -174,8 +174,8 @@ impl InBrick for CapsuleInBrick<'_> {
         let x = |number| self.tables.four_voxels(0, number, self.at, tile.tile());
         let y = |number| self.tables.four_voxels(1, number, self.at, tile.band());
         let z = |number| self.tables.layer(number, self.at, tile.layer());
-        let (zero, one) = (Floats::splat(0.0), Floats::splat(1.0));
-        let beyond = Floats::splat(BEYOND_SQUARED);
+        let (zero, one) = (F32x4::splat(0.0), F32x4::splat(1.0));
+        let beyond = F32x4::splat(BEYOND_SQUARED);
         let across = (y(SQUARED) + z(SQUARED)).each_splatted();
         let from_y = y(FROM).each_splatted();
         Tile::nearest(std::array::from_fn(|row| {
@@ -183,7 +183,7 @@ impl InBrick for CapsuleInBrick<'_> {
             let share = self.along(place) * self.share_per_along;
             let squared = share.where_below(one, self.squared(place, share), beyond);
             let from_way = zero.where_below(share, squared, beyond);
-            (x(SQUARED) + across[row]).lesser(from_way).sqrt() + self.at_centre
+            (x(SQUARED) + across[row]).min(from_way).sqrt() + self.at_centre
         }))
     }
 }

@@ -1,7 +1,7 @@
 //! What a sweep finds out once about the voxels of each axis, so as not to find it out again in every brick.
 
 use crate::grid::{BRICK_EDGE, MAX_AXIS_VOXELS};
-use crate::lanes::{Floats, LANES};
+use crate::lanes::{F32x4, LANES};
 
 /// Most numbers that a solid keeps of each voxel, and of each four of them: those of a blade on its way askew.
 const VOXEL_NUMBERS: usize = 9;
@@ -44,7 +44,7 @@ impl Tables {
         axis: usize,
         number: usize,
         [first, end]: [i32; 2],
-        of: impl Fn(i32) -> Floats,
+        of: impl Fn(i32) -> F32x4,
     ) {
         let fours = BRICK_EDGE / LANES;
         for four in first as usize * fours..end as usize * fours {
@@ -59,7 +59,7 @@ impl Tables {
         axis: usize,
         number: usize,
         [first, end]: [i32; 2],
-        of: impl Fn(i32) -> Floats,
+        of: impl Fn(i32) -> F32x4,
     ) {
         for brick in first..end {
             let fours = &mut self.axes[axis].fours[number];
@@ -75,28 +75,28 @@ impl Tables {
         number: usize,
         at: BrickAt,
         four: usize,
-    ) -> Floats {
+    ) -> F32x4 {
         let four = at.0[axis] * (BRICK_EDGE / LANES) + four;
-        Floats::load(&self.axes[axis].voxels[number][four % MOST_FOURS])
+        F32x4::load(&self.axes[axis].voxels[number][four % MOST_FOURS])
     }
 
     /// A number of the voxels of a layer.
     #[inline(always)]
-    pub(super) fn layer(&self, number: usize, at: BrickAt, layer: usize) -> Floats {
+    pub(super) fn layer(&self, number: usize, at: BrickAt, layer: usize) -> F32x4 {
         let voxels = self.axes[2].voxels[number].as_flattened();
-        Floats::splat(voxels[(at.0[2] * BRICK_EDGE + layer) % MAX_AXIS_VOXELS])
+        F32x4::splat(voxels[(at.0[2] * BRICK_EDGE + layer) % MAX_AXIS_VOXELS])
     }
 
     /// A number of each of a brick's tiles along x, or of its bands along y.
     #[inline(always)]
-    pub(super) fn fours(&self, axis: usize, number: usize, at: BrickAt) -> Floats {
-        Floats::load(&self.axes[axis].fours[number][at.0[axis] % (MOST_FOURS / LANES)])
+    pub(super) fn fours(&self, axis: usize, number: usize, at: BrickAt) -> F32x4 {
+        F32x4::load(&self.axes[axis].fours[number][at.0[axis] % (MOST_FOURS / LANES)])
     }
 
     /// A number of one of a brick's bands.
     #[inline(always)]
-    pub(super) fn band(&self, number: usize, at: BrickAt, band: usize) -> Floats {
+    pub(super) fn band(&self, number: usize, at: BrickAt, band: usize) -> F32x4 {
         let bands = self.axes[1].fours[number].as_flattened();
-        Floats::splat(bands[(at.0[1] * LANES + band) % MOST_FOURS])
+        F32x4::splat(bands[(at.0[1] * LANES + band) % MOST_FOURS])
     }
 }

@@ -1,6 +1,6 @@
 //! Points spread over the surface of a tool, at which it feels clay.
 
-use crate::lanes::{Floats, LANES};
+use crate::lanes::{F32x4, LANES};
 use crate::tool::{Ball, Blade, ToolShape};
 
 /// Pairs of points on a ball.
@@ -83,10 +83,10 @@ impl FacePairs {
 
     /// Cosines of the angles between the normals and a direction.
     #[inline(always)]
-    pub(super) fn along(&self, direction: [f32; 3]) -> Floats {
+    pub(super) fn along(&self, direction: [f32; 3]) -> F32x4 {
         let [x, y, z] = &self.normal;
-        let [dx, dy, dz] = direction.map(Floats::splat);
-        Floats::load(x) * dx + Floats::load(y) * dy + Floats::load(z) * dz
+        let [dx, dy, dz] = direction.map(F32x4::splat);
+        F32x4::load(x) * dx + F32x4::load(y) * dy + F32x4::load(z) * dz
     }
 }
 

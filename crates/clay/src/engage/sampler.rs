@@ -4,7 +4,7 @@ use super::LOOK_AHEAD_VOXELS;
 use super::points::{FacePairs, Tool};
 use crate::field::{Field, Reader, SOLID};
 use crate::grid::BRICK_EDGE;
-use crate::lanes::{Floats, Ints, LANES};
+use crate::lanes::{F32x4, I32x4, LANES};
 use crate::pose::Pose;
 
 /// A flat face that slants more than this against the motion is felt nearer than [`LOOK_AHEAD_VOXELS`], so as not to reach far beyond its
@@ -95,9 +95,9 @@ impl<'a> Sampler<'a> {
         directions: [[f64; 3]; N],
     ) -> [f64; N] {
         let directions = directions.map(|direction| direction.map(|d| d as f32));
-        let none = Floats::splat(0.0);
+        let none = F32x4::splat(0.0);
         self.areas_m2(tool, ahead, |pairs, side, _| {
-            directions.map(|direction| (side * pairs.along(direction)).greater(none))
+            directions.map(|direction| (side * pairs.along(direction)).max(none))
         })
     }
 
@@ -107,14 +107,14 @@ impl<'a> Sampler<'a> {
         &self,
         tool: &Tool,
         ahead: [f64; 3],
-        numbers: impl Fn(&FacePairs, Floats, Floats) -> [Floats; N],
+        numbers: impl Fn(&FacePairs, F32x4, F32x4) -> [F32x4; N],
     ) -> [f64; N] {
         let ahead = ahead.map(|d| d as f32);
-        let none = Floats::splat(0.0);
+        let none = F32x4::splat(0.0);
         let (mut areas_m2, mut whole_m2) = ([none; N], none);
         for pairs in &tool.pairs {
-            let (cosine, area_m2) = (pairs.along(ahead), Floats::load(&pairs.area_m2));
-            let side = cosine.where_below(none, Floats::splat(-1.0), Floats::splat(1.0));
+            let (cosine, area_m2) = (pairs.along(ahead), F32x4::load(&pairs.area_m2));
+            let side = cosine.where_below(none, F32x4::splat(-1.0), F32x4::splat(1.0));
             let cosine = cosine.abs();
             let seen_m2 = cosine * area_m2;
             // A face that neither leads nor trails counts for nothing.
@@ -128,7 +128,7 @@ impl<'a> Sampler<'a> {
                 *area_m2 = *area_m2 + engaged_m2 * number;
             }
         }
-        let sum = |lanes: Floats| lanes.to_array().into_iter().map(f64::from).sum::<f64>();
+        let sum = |lanes: F32x4| lanes.to_array().into_iter().map(f64::from).sum::<f64>();
         // What a ball's points make of its disc is a little off, by as much whether clay is there or not.
         let correction = tool.radius_m.map_or(1.0, |radius_m| {
             std::f64::consts::PI * radius_m * radius_m / sum(whole_m2)
@@ -138,31 +138,25 @@ impl<'a> Sampler<'a> {
 
     /// Where clay is looked for ahead of points, or of their opposites where `side` is -1.
     #[inline(always)]
-    fn places(
-        &self,
-        pairs: &FacePairs,
-        side: Floats,
-        cosine: Floats,
-        ahead: [f32; 3],
-    ) -> [Ints; 3] {
+    fn places(&self, pairs: &FacePairs, side: F32x4, cosine: F32x4, ahead: [f32; 3]) -> [I32x4; 3] {
         const LOOK_AHEAD: f32 = LOOK_AHEAD_VOXELS as f32 * SCALE;
         let reach = match self.radius {
             // Where the ray leaves the ball of radius r + a: s^2 + 2 r c s = 2 r a + a^2.
             Some(radius) => {
                 let radius = radius * SCALE;
-                let across = Floats::splat(radius) * cosine;
-                let rest = Floats::splat(LOOK_AHEAD * (2.0 * radius + LOOK_AHEAD));
+                let across = F32x4::splat(radius) * cosine;
+                let rest = F32x4::splat(LOOK_AHEAD * (2.0 * radius + LOOK_AHEAD));
                 (across * across + rest).sqrt() - across
             }
-            None => Floats::splat(LOOK_AHEAD) / cosine.greater(Floats::splat(LEAST_COSINE)),
+            None => F32x4::splat(LOOK_AHEAD) / cosine.max(F32x4::splat(LEAST_COSINE)),
         };
-        let side = side * Floats::splat(self.per_metre * SCALE);
+        let side = side * F32x4::splat(self.per_metre * SCALE);
         let place = |axis: usize| {
             // Counted from the border of air about the grid, and kept in it.
             let middle = (self.middle[axis] + BRICK_EDGE as f32) * SCALE;
             let most = (self.voxels[axis] + (2 * BRICK_EDGE - 2) as f32) * SCALE;
-            let offset = side * Floats::load(&pairs.offset_m[axis]);
-            (Floats::splat(middle) + offset + reach * Floats::splat(ahead[axis]))
+            let offset = side * F32x4::load(&pairs.offset_m[axis]);
+            (F32x4::splat(middle) + offset + reach * F32x4::splat(ahead[axis]))
                 .nearest_within([0.0, most])
         };
         [place(0), place(1), place(2)]
@@ -170,12 +164,12 @@ impl<'a> Sampler<'a> {
 
     /// The occupancies of the eight voxels about each place.
     #[inline(always)]
-    fn corners(&self, places: [Ints; 3]) -> [u64; LANES] {
+    fn corners(&self, places: [I32x4; 3]) -> [u64; LANES] {
         let whole = |axis: usize| places[axis].shifted_right::<{ PLACES as i32 }>();
         let voxels = [whole(0), whole(1), whole(2)];
         let in_brick = |axis: usize| voxels[axis].masked(LAST);
         let (x, y, z) = (in_brick(0), in_brick(1), in_brick(2));
-        let astride = |at: Ints| at.equals(Ints::splat(LAST));
+        let astride = |at: I32x4| at.equals(I32x4::splat(LAST));
         let astride = astride(x).or(astride(y)).or(astride(z)).bits();
 
         let [_, stride_y, stride_z] = self.reader.strides;
@@ -214,17 +208,17 @@ impl<'a> Sampler<'a> {
 
 /// Occupancy interpolated between the eight voxel centres about places, above what does not count and up to [`RANGE`].
 #[inline(always)]
-fn engaged(places: [Ints; 3], corners: [u64; LANES]) -> Floats {
+fn engaged(places: [I32x4; 3], corners: [u64; LANES]) -> F32x4 {
     let share = |axis: usize| {
-        let share = places[axis].masked((1 << PLACES) - 1).to_floats();
-        share * Floats::splat(1.0 / SCALE)
+        let share = places[axis].masked((1 << PLACES) - 1).to_f32();
+        share * F32x4::splat(1.0 / SCALE)
     };
     let (x, y, z) = (share(0), share(1), share(2));
-    let between = |a: Floats, b: Floats, share: Floats| a + (b - a) * share;
-    let [a, b, c, d, e, f, g, h] = Floats::of_bytes(corners);
+    let between = |a: F32x4, b: F32x4, share: F32x4| a + (b - a) * share;
+    let [a, b, c, d, e, f, g, h] = F32x4::of_bytes(corners);
     let lower = between(between(a, b, x), between(c, d, x), y);
     let upper = between(between(e, f, x), between(g, h, x), y);
-    (between(lower, upper, z) - Floats::splat(LOWEST))
-        .greater(Floats::splat(0.0))
-        .lesser(Floats::splat(RANGE))
+    (between(lower, upper, z) - F32x4::splat(LOWEST))
+        .max(F32x4::splat(0.0))
+        .min(F32x4::splat(RANGE))
 }

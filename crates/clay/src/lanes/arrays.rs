@@ -5,13 +5,13 @@ use std::ops::{Add, Div, Mul, Sub};
 use super::{LANES, four_of};
 use crate::grid::BRICK_VOXELS;
 
-/// Four singles.
+/// Four floats.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Floats([f32; LANES]);
+pub(crate) struct F32x4([f32; LANES]);
 
 /// Four integers.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Ints([i32; LANES]);
+pub(crate) struct I32x4([i32; LANES]);
 
 /// Sixteen occupancies: four along x in each of four rows.
 #[derive(Clone, Copy, Debug)]
@@ -25,7 +25,7 @@ pub(crate) struct Where([bool; LANES]);
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Removed(u32);
 
-impl Floats {
+impl F32x4 {
     #[cfg(test)]
     pub(crate) fn from_array(lanes: [f32; LANES]) -> Self {
         Self(lanes)
@@ -54,13 +54,13 @@ impl Floats {
         Self([value; LANES])
     }
 
-    /// The lesser of two; `other` where either is NaN.
-    pub(crate) fn lesser(self, other: Self) -> Self {
+    /// The minimum of two; `other` where either is NaN.
+    pub(crate) fn min(self, other: Self) -> Self {
         self.with(other, |a, b| if a < b { a } else { b })
     }
 
-    /// The greater of two; `other` where either is NaN.
-    pub(crate) fn greater(self, other: Self) -> Self {
+    /// The maximum of two; `other` where either is NaN.
+    pub(crate) fn max(self, other: Self) -> Self {
         self.with(other, |a, b| if b < a { a } else { b })
     }
 
@@ -89,9 +89,9 @@ impl Floats {
     }
 
     /// The whole numbers nearest to these, ties to even, kept between two small whole numbers; the lower one for NaN.
-    pub(crate) fn nearest_within(self, [least, most]: [f32; 2]) -> Ints {
-        let kept = self.greater(Self::splat(least)).lesser(Self::splat(most));
-        Ints(kept.0.map(nearest))
+    pub(crate) fn nearest_within(self, [least, most]: [f32; 2]) -> I32x4 {
+        let kept = self.max(Self::splat(least)).min(Self::splat(most));
+        I32x4(kept.0.map(nearest))
     }
 
     /// Each lane in all lanes of one of its own.
@@ -102,13 +102,13 @@ impl Floats {
     /// The least of all lanes, in each. None may be NaN.
     pub(crate) fn least(self) -> Self {
         let [a, b, c, d] = self.each_splatted();
-        a.lesser(b).lesser(c.lesser(d))
+        a.min(b).min(c.min(d))
     }
 
     /// The greatest of all lanes, in each. None may be NaN.
     pub(crate) fn most(self) -> Self {
         let [a, b, c, d] = self.each_splatted();
-        a.greater(b).greater(c.greater(d))
+        a.max(b).max(c.max(d))
     }
 
     /// Where these are less than `bound`; not where either is NaN.
@@ -138,35 +138,35 @@ fn nearest(at: f32) -> i32 {
     (at + ROUNDER).to_bits() as i32 - ROUNDER.to_bits() as i32
 }
 
-impl Add for Floats {
+impl Add for F32x4 {
     type Output = Self;
     fn add(self, other: Self) -> Self {
         self.with(other, |a, b| a + b)
     }
 }
 
-impl Sub for Floats {
+impl Sub for F32x4 {
     type Output = Self;
     fn sub(self, other: Self) -> Self {
         self.with(other, |a, b| a - b)
     }
 }
 
-impl Mul for Floats {
+impl Mul for F32x4 {
     type Output = Self;
     fn mul(self, other: Self) -> Self {
         self.with(other, |a, b| a * b)
     }
 }
 
-impl Div for Floats {
+impl Div for F32x4 {
     type Output = Self;
     fn div(self, other: Self) -> Self {
         self.with(other, |a, b| a / b)
     }
 }
 
-impl Ints {
+impl I32x4 {
     pub(crate) fn splat(value: i32) -> Self {
         Self([value; LANES])
     }
@@ -176,8 +176,8 @@ impl Ints {
     }
 
     /// The same numbers, of magnitude below `2^24`.
-    pub(crate) fn to_floats(self) -> Floats {
-        Floats(self.0.map(|at| at as f32))
+    pub(crate) fn to_f32(self) -> F32x4 {
+        F32x4(self.0.map(|at| at as f32))
     }
 
     pub(crate) fn masked(self, mask: i32) -> Self {
@@ -203,7 +203,7 @@ impl Ints {
     }
 }
 
-impl Add for Ints {
+impl Add for I32x4 {
     type Output = Self;
     fn add(self, other: Self) -> Self {
         Self(std::array::from_fn(|lane| {
@@ -215,7 +215,7 @@ impl Add for Ints {
 impl Tile {
     /// The whole numbers nearest to these, ties to even, and kept between 0 and 255. None may be NaN, nor anywhere near what
     /// overflows an integer.
-    pub(crate) fn nearest(rows: [Floats; LANES]) -> Self {
+    pub(crate) fn nearest(rows: [F32x4; LANES]) -> Self {
         let kept = |at: f32| at.clamp(0.0, 255.0);
         Self(rows.map(|row| row.0.map(|at| nearest(kept(at)) as u8)))
     }

@@ -29,11 +29,11 @@ macro_rules! sse2 {
 
 /// Four singles.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Floats(__m128);
+pub(crate) struct F32x4(__m128);
 
 /// Four integers.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Ints(__m128i);
+pub(crate) struct I32x4(__m128i);
 
 /// Sixteen occupancies: four along x in each of four rows.
 #[derive(Clone, Copy, Debug)]
@@ -47,7 +47,7 @@ pub(crate) struct Where(__m128);
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Removed(__m128i);
 
-impl Floats {
+impl F32x4 {
     #[cfg(test)]
     pub(crate) fn from_array(lanes: [f32; LANES]) -> Self {
         Self::load(&lanes)
@@ -56,7 +56,7 @@ impl Floats {
     #[inline(always)]
     pub(crate) fn to_array(self) -> [f32; LANES] {
         sse2! {{
-            Ints(_mm_castps_si128(self.0))
+            I32x4(_mm_castps_si128(self.0))
                 .to_array()
                 .map(|bits| f32::from_bits(bits as u32))
         }}
@@ -70,14 +70,14 @@ impl Floats {
     }
 
     #[inline(always)]
-    pub(crate) fn lesser(self, other: Self) -> Self {
+    pub(crate) fn min(self, other: Self) -> Self {
         sse2! {{
             Self(_mm_min_ps(self.0, other.0))
         }}
     }
 
     #[inline(always)]
-    pub(crate) fn greater(self, other: Self) -> Self {
+    pub(crate) fn max(self, other: Self) -> Self {
         sse2! {{
             Self(_mm_max_ps(self.0, other.0))
         }}
@@ -110,9 +110,9 @@ impl Floats {
     }
 
     #[inline(always)]
-    pub(crate) fn nearest_within(self, [least, most]: [f32; 2]) -> Ints {
-        let kept = self.greater(Self::splat(least)).lesser(Self::splat(most));
-        sse2! {{ Ints(_mm_cvtps_epi32(kept.0)) }}
+    pub(crate) fn nearest_within(self, [least, most]: [f32; 2]) -> I32x4 {
+        let kept = self.max(Self::splat(least)).min(Self::splat(most));
+        sse2! {{ I32x4(_mm_cvtps_epi32(kept.0)) }}
     }
 
     #[inline(always)]
@@ -193,16 +193,16 @@ impl Floats {
 }
 
 #[inline(always)]
-fn select(mask: __m128, chosen: Floats, otherwise: Floats) -> Floats {
+fn select(mask: __m128, chosen: F32x4, otherwise: F32x4) -> F32x4 {
     sse2! {{
-        Floats(_mm_or_ps(
+        F32x4(_mm_or_ps(
             _mm_and_ps(mask, chosen.0),
             _mm_andnot_ps(mask, otherwise.0),
         ))
     }}
 }
 
-impl Add for Floats {
+impl Add for F32x4 {
     type Output = Self;
     #[inline(always)]
     fn add(self, other: Self) -> Self {
@@ -212,7 +212,7 @@ impl Add for Floats {
     }
 }
 
-impl Sub for Floats {
+impl Sub for F32x4 {
     type Output = Self;
     #[inline(always)]
     fn sub(self, other: Self) -> Self {
@@ -222,7 +222,7 @@ impl Sub for Floats {
     }
 }
 
-impl Mul for Floats {
+impl Mul for F32x4 {
     type Output = Self;
     #[inline(always)]
     fn mul(self, other: Self) -> Self {
@@ -232,7 +232,7 @@ impl Mul for Floats {
     }
 }
 
-impl Div for Floats {
+impl Div for F32x4 {
     type Output = Self;
     #[inline(always)]
     fn div(self, other: Self) -> Self {
@@ -240,7 +240,7 @@ impl Div for Floats {
     }
 }
 
-impl Ints {
+impl I32x4 {
     #[inline(always)]
     pub(crate) fn to_array(self) -> [i32; LANES] {
         let mut lanes = [0; LANES];
@@ -249,15 +249,15 @@ impl Ints {
     }
 }
 
-impl Ints {
+impl I32x4 {
     #[inline(always)]
     pub(crate) fn splat(value: i32) -> Self {
         sse2! {{ Self(_mm_set1_epi32(value)) }}
     }
 
     #[inline(always)]
-    pub(crate) fn to_floats(self) -> Floats {
-        sse2! {{ Floats(_mm_cvtepi32_ps(self.0)) }}
+    pub(crate) fn to_f32(self) -> F32x4 {
+        sse2! {{ F32x4(_mm_cvtepi32_ps(self.0)) }}
     }
 
     #[inline(always)]
@@ -287,7 +287,7 @@ impl Ints {
     }
 }
 
-impl Add for Ints {
+impl Add for I32x4 {
     type Output = Self;
     #[inline(always)]
     fn add(self, other: Self) -> Self {
@@ -297,7 +297,7 @@ impl Add for Ints {
 
 impl Tile {
     #[inline(always)]
-    pub(crate) fn nearest(rows: [Floats; LANES]) -> Self {
+    pub(crate) fn nearest(rows: [F32x4; LANES]) -> Self {
         sse2! {{
             let [a, b, c, d] = rows.map(|row| _mm_cvtps_epi32(row.0));
             // Packing keeps numbers between 0 and 255 by itself.
@@ -318,7 +318,7 @@ impl Tile {
         sse2! {{
             let old = _mm_set_epi32(d, c, b, a);
             let new = _mm_min_epu8(self.0, old);
-            for (at, left) in at.into_iter().zip(Ints(new).to_array()) {
+            for (at, left) in at.into_iter().zip(I32x4(new).to_array()) {
                 fours[at] = left.to_le_bytes();
             }
             removed.0 = _mm_add_epi32(removed.0, _mm_sad_epu8(old, new));
