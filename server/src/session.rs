@@ -87,7 +87,7 @@ impl Settings {
 
 /// A session, shared by the API, Zenoh and the collector.
 ///
-/// Nobody holds two of `settings`, `stats` and `mirror` at once, so none can wait for another in a ring. What has to change together changes under
+/// Nobody holds two of `settings`, `stats` and `mirror` at once, so they cannot deadlock. What has to change together changes under
 /// `changes`, which is taken first.
 pub(crate) struct SessionShared {
     pub(crate) id: SessionId,
