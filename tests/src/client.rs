@@ -53,7 +53,7 @@ impl Client {
         let text = self.read(&format!("/sessions/{id}"))?;
         let mut session: Session =
             serde_json::from_str(&text).with_context(|| format!("session {id} answered {text}"))?;
-        ensure_the_books_balance(&session, &text)?;
+        ensure_the_volume_balances(&session, &text)?;
         session.tools.sort_by_key(|tool| tool.id);
         Ok(session)
     }
@@ -61,7 +61,7 @@ impl Client {
     /// Waits until the session is as `is_wanted` says.
     ///
     /// # Errors
-    /// It never was, or the books of its clay did not balance meanwhile.
+    /// It never was, or the volume balance of its clay did not hold meanwhile.
     pub fn session_when(
         &self,
         id: &str,
@@ -175,7 +175,7 @@ impl Client {
 
 /// Exactly, not nearly, in units and in m³: that is what the interface promises, at every look. The volumes are read from the text:
 /// `serde_json` as it is built here reads the last of seventeen digits wrong now and then, which browsers do not.
-fn ensure_the_books_balance(session: &Session, text: &str) -> Result<()> {
+fn ensure_the_volume_balances(session: &Session, text: &str) -> Result<()> {
     let clay = &session.clay;
     let volume_m3 = |name: &str| -> Result<f64> {
         let value = text
@@ -192,7 +192,7 @@ fn ensure_the_books_balance(session: &Session, text: &str) -> Result<()> {
     ensure!(
         clay.initial_units == clay.remaining_units + clay.removed_units
             && initial_m3.to_bits() == (remaining_m3 + removed_m3).to_bits(),
-        "the clay's books do not balance: {initial_m3} m³ initially, {remaining_m3} m³ left, {removed_m3} m³ removed; {clay:?}"
+        "the volume balance of the clay does not hold: {initial_m3} m³ initially, {remaining_m3} m³ left, {removed_m3} m³ removed; {clay:?}"
     );
     Ok(())
 }

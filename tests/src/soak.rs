@@ -1,5 +1,5 @@
-//! A long run of a server and a handle that cuts, with watchers that read slowly or not at all: memory must stay flat, the books of the
-//! clay must balance at every look, and late ticks are told.
+//! A long run of a server and a handle that cuts, with watchers that read slowly or not at all: memory must stay flat, the volume
+//! balance of the clay must hold at every look, and late ticks are told.
 
 use std::fmt;
 use std::net::{Ipv4Addr, SocketAddr};
@@ -39,7 +39,7 @@ pub struct Report {
     pub late_ticks: [u64; 2],
     /// The same of the handle.
     pub handle_late_ticks: [u64; 2],
-    /// Looks at the session, at each of which the books balanced.
+    /// Looks at the session, at each of which the volume balance held.
     pub looks: u64,
     /// Clay that was removed, fresh blocks included, units.
     pub removed_units: u64,
@@ -105,7 +105,7 @@ impl Memory {
 /// Runs for `seconds`, after `warm_up`.
 ///
 /// # Errors
-/// Something that should run does not, or the books did not balance.
+/// Something that should run does not, or the volume balance did not hold.
 pub fn run(warm_up: Duration, seconds: Duration, tell: impl Fn(&Report)) -> Result<Report> {
     let server = Server::on_free_ports()?;
     let handle = Handle::start(&HandleOptions::new(&server.endpoint()))?;
@@ -308,7 +308,7 @@ impl fmt::Display for Report {
         )?;
         writeln!(
             f,
-            "  clay      the books balanced at all {} looks; {} units cut, {} fresh blocks",
+            "  clay      the volume balance held at all {} looks; {} units cut, {} fresh blocks",
             self.looks, self.removed_units, self.blocks
         )?;
         write!(

@@ -152,8 +152,8 @@ impl Hand {
         before
     }
 
-    /// Books the true work of the tick at both ends. The force on the hand is zero on an axis that reflects none; the clay's is not, so it is left out
-    /// there. Where the hand works on a copy, that is the clay it works on.
+    /// Takes the true work of the tick at both ends into the energy balance. The force on the hand is zero on an axis that
+    /// reflects none; the clay's is not, so it is left out there. Where the hand works on a copy, that is the clay it works on.
     fn observe(&mut self, before: &DeviceSample, tool: &ToolSide, axes: Axes, tick_s: f64) {
         let after = self.held.unwrap_or_else(|| self.device.sample());
         let way = Vec3::from(after.position_m) - Vec3::from(before.position_m);

@@ -421,7 +421,7 @@ fn the_rig_runs_far_faster_than_real_time() {
     assert!(10.0 < ratio, "{ratio}");
 }
 
-/// What the tool side books as the hand's work is the hand's work, though it saw two thirds of the frames.
+/// What the tool side counts as the hand's work is the hand's work, though it saw two thirds of the frames.
 #[test]
 fn the_work_of_the_hand_is_known_at_the_tool_in_spite_of_loss() {
     let line = Impairment {

@@ -256,7 +256,7 @@ impl Knife<'_> {
         }
         let removed = removed.sum();
         if 0 < removed {
-            field.book_removal(brick, removed);
+            field.count_removal(brick, removed);
             self.changes.mark(brick, self.revision);
         }
     }

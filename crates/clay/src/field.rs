@@ -256,9 +256,9 @@ impl Field {
         slot
     }
 
-    /// Books what was removed from a brick that has a slot, and gives the slot back when nothing is left.
+    /// Takes what was removed from a brick that has a slot into the balance, and gives the slot back when nothing is left.
     #[inline]
-    pub(crate) fn book_removal(&mut self, brick: usize, removed: u32) {
+    pub(crate) fn count_removal(&mut self, brick: usize, removed: u32) {
         self.total -= u64::from(removed);
         self.sums[brick] -= removed;
         let sum = self.sums[brick];
@@ -547,7 +547,7 @@ mod tests {
         let mut field = field([0.016; 3]);
         let slot = field.materialise(0);
         field.slot_mut(slot).fill(0);
-        field.book_removal(0, FULL_SUM);
+        field.count_removal(0, FULL_SUM);
         assert_eq!((field.brick(0), field.total()), (Brick::Empty, 0));
         assert_eq!(field.free, [slot]);
     }

@@ -62,7 +62,7 @@ fn two_operators_hold_two_tools_and_a_third_is_refused_with_the_reason() {
     assert!(room.tools[0].connected, "Bob goes on");
 }
 
-/// The books balance at every look of every test here, see the client; this one looks as often as it can, over several blocks.
+/// The volume balance holds at every look of every test here, see the client; this one looks as often as it can, over several blocks.
 #[test]
 fn volume_is_conserved_at_every_look_while_blocks_come_and_go() {
     let server = Server::on_free_ports().unwrap();

@@ -78,8 +78,8 @@ impl Client {
     }
 }
 
-/// `serde_json` as it is built here reads the last of seventeen digits wrong now and then. The clay's books are compared to the last bit, so
-/// their volumes are read from the text.
+/// `serde_json` as it is built here reads the last of seventeen digits wrong now and then. The clay's balance is compared to the last bit, so
+/// its volumes are read from the text.
 fn read_session(text: &str) -> Result<SessionView> {
     let mut session: SessionView =
         serde_json::from_str(text).context("answered something unknown")?;
@@ -125,7 +125,7 @@ impl SessionView {
     }
 }
 
-/// The clay's books. Units are 255ths of a voxel.
+/// The volume balance of the clay. Units are 255ths of a voxel.
 #[derive(Clone, Debug, Deserialize)]
 pub(super) struct ClayView {
     pub(super) initial_volume_m3: f64,

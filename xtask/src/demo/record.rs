@@ -60,8 +60,9 @@ impl Record {
         if clay.initial_units != clay.remaining_units + clay.removed_units
             || clay.initial_volume_m3.total_cmp(&volume_m3).is_ne()
         {
-            self.broken
-                .get_or_insert(format!("the clay's books do not balance: {clay:?}"));
+            self.broken.get_or_insert(format!(
+                "the volume balance of the clay does not hold: {clay:?}"
+            ));
         }
         if session.state == "fault" {
             let reason = session.fault.as_deref().unwrap_or("no reason given");
@@ -121,7 +122,7 @@ impl Record {
         lost(&self.newest).saturating_sub(lost(&self.first))
     }
 
-    /// Volume of what was cut, m³, from the books of the newest look.
+    /// Volume of what was cut, m³, from the balance of the newest look.
     fn removed_m3(&self) -> f64 {
         let clay = &self.newest.session.clay;
         self.removed_units as f64 * clay.initial_volume_m3 / clay.initial_units as f64
@@ -241,16 +242,16 @@ mod tests {
     }
 
     #[test]
-    fn a_fault_and_unbalanced_books_fail_with_their_reason() {
+    fn a_fault_and_volume_out_of_balance_fail_with_their_reason() {
         let record = run_of_ten_seconds(10_000, |end| {
             end.state = "fault".to_owned();
             end.fault = Some("position is not finite".to_owned());
         });
         assert!(complaint(&record).contains("position is not finite"));
         let record = run_of_ten_seconds(10_000, |end| end.clay.remaining_units -= 1);
-        assert!(complaint(&record).contains("do not balance"));
+        assert!(complaint(&record).contains("does not hold"));
         let record = run_of_ten_seconds(10_000, |end| end.clay.remaining_volume_m3 += 1e-18);
-        assert!(complaint(&record).contains("do not balance"));
+        assert!(complaint(&record).contains("does not hold"));
     }
 
     #[test]

@@ -14,7 +14,7 @@
 //!
 //! The published corrections `F += -W / (T v²) v` and `v += -W / (T F²) F` are, in one dimension, the budget's scaling, with a division that
 //! needs a cap near rest; a share needs none. Where they correct after the fact, here the tick's cost is foreseen (the hand's velocity, the clay's
-//! resistance as the slope of its last answer) and what really happened is booked after it.
+//! resistance as the slope of its last answer) and what really happened is observed after it.
 //! Foresight can fail in two ways, and each has its cushion. At the handle a force held over a tick works half a tick longer than the
 //! sample says; the first [`RESERVE_J`] that the hand gives stay there to cover it. At the tool clay may begin anywhere;
 //! so the energy of the tool's own mass at that speed must be at hand and is not spent, which covers clay of up to `m / 2T`, 250 N s/m.
@@ -79,8 +79,8 @@ impl PortEnergy {
         self.at_hand.settle(gained_j);
     }
 
-    /// Books the work that went into the channel here in one tick.
-    fn book(&mut self, work_j: f64) {
+    /// Observes the work that went into the channel here in one tick.
+    fn observe(&mut self, work_j: f64) {
         if 0.0 < work_j {
             let missing_j = RESERVE_J - self.reserve.level_j();
             let owed_j = -self.reserve.level_j().min(0.0);
@@ -138,7 +138,7 @@ impl HandleController for TdpaHandle {
         let received = self.coupling.felt(self.clay_force);
         Vec3::from_fn(|axis, _| {
             let energy = &mut self.energy[axis];
-            energy.book(-port.felt_force[axis] * port.displacement[axis]);
+            energy.observe(-port.felt_force[axis] * port.displacement[axis]);
             let force = CHANNEL_DAMPING_N_S_PER_M * port.velocity[axis] - received[axis];
             let work_j = force * port.velocity[axis] * self.coupling.tick_s;
             -force * affordable_share(-work_j, energy.at_hand.at_hand_j())
@@ -234,7 +234,7 @@ impl ToolController for TdpaTool {
     fn moved(&mut self, port: &ToolPort) {
         for (axis, energy) in self.energy.iter_mut().enumerate() {
             let work_on_clay_j = -port.clay_force[axis] * port.displacement[axis];
-            energy.book(-work_on_clay_j / self.coupling.power_ratio());
+            energy.observe(-work_on_clay_j / self.coupling.power_ratio());
         }
     }
 
@@ -329,14 +329,14 @@ mod tests {
             prop_assert!((scaled - published).abs() < 1e-9 * force.max(1.0));
         }
 
-        /// Whatever is booked, what a port reports and holds back is what came in, less what it overdrew.
+        /// Whatever is observed, what a port reports and holds back is what came in, less what it overdrew.
         #[test]
         fn a_port_reports_no_energy_that_did_not_come_in(works in prop::collection::vec(-1e-3..1e-3, 1..300)) {
             let mut energy = PortEnergy::NONE;
             let mut sum: f64 = 0.0;
             for work in works {
                 let before = energy.in_j;
-                energy.book(work);
+                energy.observe(work);
                 sum += work;
                 prop_assert!(before <= energy.in_j);
                 // Nothing was received from the far end, so all that went out was taken from the reserve.
