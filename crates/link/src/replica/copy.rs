@@ -203,7 +203,7 @@ impl Copy {
         !self.corrections.is_empty()
     }
 
-    /// Repeats a cut that the snapshot may not have yet. The force is settled in the next [`Copy::step`].
+    /// Repeats a cut that the snapshot may not have yet. The force follows in the next [`Copy::step`].
     pub fn carve(&mut self, setup: &ToolSetup, cut: Cut) {
         let removed = self.clay.carve(&sweep(setup, cut));
         if 0 < removed {

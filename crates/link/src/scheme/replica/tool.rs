@@ -306,8 +306,8 @@ impl ToolController for ReplicaTool {
         if merged.newest.is_none() && self.rests {
             self.feel_at_rest(&mut context, &mut merged);
         }
-        let is_settled = context.clay.refresh_hashes(BRICKS_A_TICK) == 0 && self.pending.is_empty();
-        self.hash = if is_settled { context.clay.hash() } else { 0 };
+        let is_merged = context.clay.refresh_hashes(BRICKS_A_TICK) == 0 && self.pending.is_empty();
+        self.hash = if is_merged { context.clay.hash() } else { 0 };
         if !self.handle_leads {
             self.merged = None;
             return None;
