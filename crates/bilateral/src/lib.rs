@@ -3,7 +3,7 @@
 //! | item | is |
 //! |---|---|
 //! | [`HandleSide`] | where the person is: reaction, limits, `C_h1`, device command |
-//! | [`ToolSide`] | where the clay is: reference, gate, `G_t^-1`, `G_t`, contact and cut |
+//! | [`ToolSide`] | where the clay is: reference, motion limiter, `G_t^-1`, `G_t`, contact and cut |
 //! | [`SessionLoop`] | one block of clay, its tools, and the line to each of them |
 //! | [`rig`] | operator, handle side and session on virtual time |
 //! | [`experiment`] | the cutting experiment of \[KHMH03\] Fig. 7 through the real clay |

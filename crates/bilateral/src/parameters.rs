@@ -13,10 +13,10 @@ use teleclay_control::{
 };
 use teleclay_link::Vec3;
 use teleclay_link::deadband::{Deadband, DeadbandError, DeadbandSettings};
+use teleclay_link::motion_limiter::MotionLimits;
 use teleclay_link::replica::ToolSetup;
 use teleclay_link::safety::{ForceLimits, WatchdogTimes};
 use teleclay_link::scheme::{Coupling, SchemeContext};
-use teleclay_link::travel::TravelLimits;
 use teleclay_proto::http::ClayShape;
 use teleclay_proto::join::LoopParameters;
 use teleclay_proto::{Axes, ToolDescription};
@@ -122,7 +122,7 @@ pub fn tool_setup(parameters: &LoopParameters) -> Result<Arc<ToolSetup>, Paramet
     let home = Vec3::from(parameters.home_m);
     Ok(Arc::new(ToolSetup {
         home,
-        travel: TravelLimits {
+        motion_limits: MotionLimits {
             tick_s: parameters.tick_s,
             reach: parameters.reach_m.map(|bound| Vec3::from(bound) - home),
             speed_m_s: parameters.speed_limit_m_s,
@@ -231,7 +231,7 @@ impl LoopModel {
 
     /// The handle's travel on `axis`, m, as displacement from home: what maps into the tool's reach.
     pub(crate) fn handle_travel(&self, axis: usize) -> [f64; 2] {
-        let [least, greatest] = self.setup().travel.reach;
+        let [least, greatest] = self.setup().motion_limits.reach;
         [least, greatest].map(|bound| bound[axis] / self.coupling().position_ratio)
     }
 }

@@ -1,12 +1,12 @@
 //! The tool side of the loop: one pure step a tick.
 //!
 //! ```text
-//! frames ─> input check ─> scheme's reference ─> gate ─> G_t^-1 ─v_t─> G_t ─y_t─> clay: cut, contact, reaction ─> frame
+//! frames ─> input check ─> scheme's reference ─> motion limiter ─> G_t^-1 ─v_t─> G_t ─y_t─> clay: cut, contact, reaction ─> frame
 //! ```
 //!
-//! The gate ([`teleclay_link::travel`]) is where motion stops: it follows the scheme's reference step by step while frames come, and holds the tool
-//! while they do not, while the session is paused and after a fault. Where the handle has cut a copy of the clay, its sweeps are merged instead
-//! ([`teleclay_link::scheme::replica`]).
+//! The motion limiter ([`teleclay_link::motion_limiter`]) is where motion stops: it follows the scheme's reference step by step
+//! while frames come, and holds the tool while they do not, while the session is paused and after a fault. Where the handle has
+//! cut a copy of the clay, its sweeps are merged instead ([`teleclay_link::scheme::replica`]).
 
 use std::sync::Arc;
 
@@ -15,13 +15,13 @@ use teleclay_control::State;
 use teleclay_link::Vec3;
 use teleclay_link::arrivals::{Arrival, ArrivalCounts, Arrivals};
 use teleclay_link::deadband::{Deadband, DeadbandError, DeadbandSettings};
+use teleclay_link::motion_limiter::{MotionLimiter, Wish};
 use teleclay_link::replica::{Cut, ToolSetup};
 use teleclay_link::round_trip::RoundTrip;
 use teleclay_link::safety::{NotFinite, Watchdog, check};
 use teleclay_link::scheme::replica::{Generation, MergeContext, Merged};
 use teleclay_link::scheme::{ToolController, ToolPort, tool_controller};
 use teleclay_link::time::Timestamp;
-use teleclay_link::travel::{Travel, Wish};
 use teleclay_proto::Scheme;
 use teleclay_proto::frame::{Engagement, HandleFrame, Header, LoopStatus, ToolFrame};
 use teleclay_proto::join::LoopParameters;
@@ -64,7 +64,7 @@ pub struct ToolSide {
     base: Vec3,
     position: Vec3,
     velocity: Vec3,
-    travel: Travel,
+    motion_limiter: MotionLimiter,
     /// Whether the handle's sweeps led in the last tick.
     was_led: bool,
     /// What was cut in the last tick.
@@ -116,7 +116,7 @@ impl ToolSide {
             base: Vec3::zeros(),
             position: Vec3::zeros(),
             velocity: Vec3::zeros(),
-            travel: Travel::new(model.setup().travel),
+            motion_limiter: MotionLimiter::new(model.setup().motion_limits),
             was_led: false,
             cuts: Vec::with_capacity(CUTS_A_TICK),
             clay_force: Vec3::zeros(),
@@ -245,7 +245,7 @@ impl ToolSide {
             Some(merged) => self.adopt(&merged),
             None => {
                 self.stop_being_led();
-                let wanted = self.gate(now, &port, gain);
+                let wanted = self.limited_motion(now, &port, gain);
                 let before = self.position;
                 self.follow(wanted);
                 self.velocity = (self.position - before) / tick_s;
@@ -300,7 +300,7 @@ impl ToolSide {
         let handle = self.seen.handle_position();
         self.controller.reindex(handle);
         let place = self
-            .travel
+            .motion_limiter
             .put(handle * self.model.coupling().position_ratio);
         self.base = place;
         self.position = place;
@@ -324,7 +324,7 @@ impl ToolSide {
         self.controller = controller;
         self.expect_gaps();
         self.scheme = scheme;
-        self.travel.forget_reference();
+        self.motion_limiter.forget_reference();
         let header = self.frame.header;
         self.frame = ToolFrame {
             header: Header {
@@ -347,7 +347,7 @@ impl ToolSide {
 
     /// Another place or tool, from the fresh block on that follows. Gives back what was, to be dropped elsewhere.
     pub fn move_to(&mut self, setup: Arc<ToolSetup>) -> Arc<ToolSetup> {
-        self.travel.limit(setup.travel);
+        self.motion_limiter.limit(setup.motion_limits);
         self.controller.move_to(&setup);
         std::mem::replace(&mut self.model.context.setup, setup)
     }
@@ -432,7 +432,7 @@ impl ToolSide {
         }
     }
 
-    /// How far the gate stands open, 0 to 1.
+    /// Gain of the motion limiter, 0 to 1: at 0 the tool is held, at 1 it follows.
     fn gain(&mut self, now: Timestamp, permission: Permission) -> f64 {
         let tick_s = self.model.tick_s();
         let change = tick_s / self.model.setup().ramp_s;
@@ -443,14 +443,14 @@ impl ToolSide {
     }
 
     /// Where the tool may go in this tick.
-    fn gate(&mut self, now: Timestamp, port: &ToolPort, gain: f64) -> Vec3 {
+    fn limited_motion(&mut self, now: Timestamp, port: &ToolPort, gain: f64) -> Vec3 {
         let ratio = self.model.coupling().position_ratio;
         let wish = Wish {
             reference: self.controller.reference(now, port, gain),
             recovery: self.controller.recovery(),
             lift_m: self.model.setup().is_lifted.then_some(self.lift * ratio),
         };
-        self.travel.step(wish, gain)
+        self.motion_limiter.step(wish, gain)
     }
 
     /// The handle's sweeps lead: the tool is where they put it.
@@ -477,7 +477,7 @@ impl ToolSide {
         if !std::mem::take(&mut self.was_led) {
             return;
         }
-        self.base = self.travel.put(self.position);
+        self.base = self.motion_limiter.put(self.position);
         self.position = self.base;
         self.velocity = Vec3::zeros();
         self.inverse = [State::default(); 3];

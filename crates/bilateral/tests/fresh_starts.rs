@@ -83,7 +83,7 @@ fn a_scheme_that_takes_over_unheard_moves_nothing() {
         rig.impair(both_ways(line(2, 0.0, 1.0), 1));
         rig.run_for(Duration::from_millis(5));
         rig.change_scheme(scheme);
-        // Silence is noticed after 100 ms; until then the gate is open.
+        // Silence is noticed after 100 ms; until then the tool follows.
         rig.run_for(Duration::from_millis(90));
         let moved_m = distance(rig.tool().view().position_m, stands_m);
         assert!(moved_m < 1e-4, "{before} to {scheme}: {moved_m} m");

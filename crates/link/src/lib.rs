@@ -10,24 +10,24 @@
 //! | [`arrivals`] | what came, what is missing, what came twice; newest wins |
 //! | [`deadband`] | which frames a hand would not miss |
 //! | [`energy`] | tanks, cumulative counters, and an observer of a channel from outside |
+//! | [`motion_limiter`] | where a tool may go in a tick |
 //! | [`playout`] | from varying delay to a constant one |
 //! | [`replica`] | cuts that arrive in any order, and corrections bounded by energy |
 //! | [`round_trip`] | round trip and clock offset from echoed stamps |
 //! | [`safety`] | input check, watchdog ramp, the one limiter that every force passes |
 //! | [`scheme`] | the coupling of the two sides, one module a scheme |
-//! | [`travel`] | where a tool may go in a tick |
 
 pub mod arrivals;
 pub mod conditioner;
 pub mod deadband;
 pub mod energy;
+pub mod motion_limiter;
 pub mod playout;
 pub mod replica;
 pub mod round_trip;
 pub mod safety;
 pub mod scheme;
 pub mod time;
-pub mod travel;
 
 /// Three-vector in SI units; axes x, y, z of the clay frame.
 pub type Vec3 = nalgebra::Vector3<f64>;

@@ -1,6 +1,6 @@
 //! Safety, whatever the scheme: one place where input is checked, one where silence is noticed, one that every force passes.
 //!
-//! - [`check`] is the only gate for numbers that come from outside the process: a value that is not finite names its field and
+//! - [`check`] is the only way in for numbers that come from outside the process: a value that is not finite names its field and
 //!   ends in a fault.
 //! - [`Watchdog`] turns silence into a gain that ramps to 0, and a return into one that ramps to 1.
 //! - [`ForceLimiter`] bounds the force and its slope; what leaves it is finite.

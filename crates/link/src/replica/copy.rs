@@ -8,7 +8,7 @@ use teleclay_clay::{Clay, ContactState, Material, Motion, Pose, Sweep, Tool};
 
 use super::gate::{ForceGate, GateLimits};
 use crate::Vec3;
-use crate::travel::TravelLimits;
+use crate::motion_limiter::MotionLimits;
 
 /// Corrections that wait for their turn at most. What does not fit is not noted as come, so the sender repeats it.
 pub const CORRECTIONS_WAITING: usize = 1024;
@@ -30,7 +30,7 @@ pub struct ToolSetup {
     /// Image of the handle's home in the clay's frame, m.
     pub home: Vec3,
     /// Bounds of the tool's motion.
-    pub travel: TravelLimits,
+    pub motion_limits: MotionLimits,
     /// Whether the third axis is only lifted.
     pub is_lifted: bool,
     /// The tool.
@@ -57,7 +57,7 @@ impl ToolSetup {
     /// Which of the two it is not.
     pub fn check(&self, cut: &Cut) -> Result<(), Impossible> {
         const STEP_M: f64 = 1.0 / teleclay_clay::STEPS_PER_METRE;
-        let [least, greatest] = self.travel.reach;
+        let [least, greatest] = self.motion_limits.reach;
         for pose in [cut.from, cut.to] {
             let at = Vec3::from(pose.position_m()) - self.home;
             let is_within = (0..3).all(|axis| {
@@ -68,7 +68,7 @@ impl ToolSetup {
             }
         }
         let way = Vec3::from(cut.to.displacement_from_m(cut.from)).norm();
-        if self.travel.speed_m_s * self.travel.tick_s + 2.0 * STEP_M < way {
+        if self.motion_limits.speed_m_s * self.motion_limits.tick_s + 2.0 * STEP_M < way {
             return Err(Impossible::TooFast);
         }
         Ok(())
@@ -221,7 +221,7 @@ impl Copy {
             cut: None,
             has_changed_clay: false,
         };
-        // Travel keeps velocities far below what the clay's law takes.
+        // The motion limiter keeps velocities far below what the clay's law takes.
         let Ok(motion) = Motion::new(from, to, velocity.into()) else {
             return held;
         };
@@ -265,7 +265,7 @@ impl Copy {
         Worked {
             force: self
                 .gate
-                .step(force, setup.felt(velocity), setup.travel.tick_s),
+                .step(force, setup.felt(velocity), setup.motion_limits.tick_s),
             // A tool that rests cuts as well, where clay stands in its place.
             cut: (edge == Edge::Cutting && (from != to || 0 < removed)).then_some(Cut { from, to }),
             has_changed_clay: 0 < removed,

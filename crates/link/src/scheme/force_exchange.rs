@@ -19,8 +19,8 @@ use teleclay_proto::frame::{HandleFrame, ToolFrame};
 use super::{Coupling, HandleController, HandlePort, ToolController, ToolPort};
 use crate::Vec3;
 use crate::deadband::Signal;
+use crate::motion_limiter::Recovery;
 use crate::time::Timestamp;
-use crate::travel::Recovery;
 
 /// The handle's controller: what it feels is the clay's force as last received.
 #[derive(Clone, Debug)]

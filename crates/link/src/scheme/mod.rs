@@ -36,8 +36,8 @@ use crate::Vec3;
 use crate::time::Timestamp;
 
 use crate::deadband::Signal;
+use crate::motion_limiter::Recovery;
 use crate::replica::{Cut, ToolSetup};
-use crate::travel::Recovery;
 use force_exchange::{ForceExchangeHandle, ForceExchangeTool};
 use position_force::{PositionForceHandle, PositionForceTool};
 use replica::{Generation, MergeContext, Merged, ReplicaHandle, ReplicaTool};

@@ -37,9 +37,9 @@ use super::{Coupling, HandleController, HandlePort, ToolController, ToolPort, re
 use crate::Vec3;
 use crate::deadband::Signal;
 use crate::energy::{Counter, Tank};
+use crate::motion_limiter::Recovery;
 use crate::safety::capped;
 use crate::time::Timestamp;
-use crate::travel::Recovery;
 
 /// `b_c`, N s/m: a quarter of the default clay in the shallowest cut of [KHMH03] Fig. 7.
 pub const CHANNEL_DAMPING_N_S_PER_M: f64 = 5.0;

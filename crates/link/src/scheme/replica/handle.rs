@@ -12,6 +12,7 @@ use teleclay_proto::frame::{
 use super::STALE;
 use crate::Vec3;
 use crate::deadband::Signal;
+use crate::motion_limiter::{MotionLimiter, Recovery, Wish};
 use crate::replica::{
     Copy, Cut, Edge, GateLimits, Novelty, SweepInbox, SweepLog, ToolSetup, WINDOW,
 };
@@ -19,7 +20,6 @@ use crate::round_trip;
 use crate::scheme::tdpa::TdpaHandle;
 use crate::scheme::{Coupling, HandleController, HandlePort};
 use crate::time::Timestamp;
-use crate::travel::{Recovery, Travel, Wish};
 
 /// A snapshot may be older than the request for it by this much: the server takes it from a mirror that follows its clay.
 const SNAPSHOT_LAG: Duration = Duration::from_millis(500);
@@ -71,7 +71,7 @@ pub struct ReplicaHandle {
     setup: Arc<ToolSetup>,
     fallback: TdpaHandle,
     copy: Option<Copy>,
-    travel: Travel,
+    motion_limiter: MotionLimiter,
     log: SweepLog,
     /// Number of the last sweep that changed the copy.
     changed_by: u32,
@@ -102,7 +102,7 @@ impl ReplicaHandle {
             fallback: TdpaHandle::new(coupling.clone()),
             coupling,
             copy: None,
-            travel: Travel::new(setup.travel),
+            motion_limiter: MotionLimiter::new(setup.motion_limits),
             setup,
             log: SweepLog::default(),
             changed_by: 0,
@@ -181,7 +181,7 @@ impl ReplicaHandle {
         let since = request.map_or(Timestamp::ZERO, |request| {
             Timestamp::from_nanos(request.at.as_nanos().saturating_sub(lag_ns))
         });
-        let lag_sweeps = (SNAPSHOT_LAG.as_secs_f64() / self.setup.travel.tick_s) as u32;
+        let lag_sweeps = (SNAPSHOT_LAG.as_secs_f64() / self.setup.motion_limits.tick_s) as u32;
         let acknowledged = request.map_or(0, |request| request.acknowledged);
         self.rebuild = Some(Rebuild {
             own_next: self.log.last(),
@@ -197,9 +197,9 @@ impl ReplicaHandle {
             return;
         }
         if let Some(far_tool) = self.far_tool {
-            self.travel.put(far_tool);
+            self.motion_limiter.put(far_tool);
         }
-        let at = self.setup.home + self.travel.at();
+        let at = self.setup.home + self.motion_limiter.at();
         // Within reach, so on the lattice.
         let pose = Pose::quantise(at.into()).unwrap_or_default();
         self.copy = Some(Copy::new(
@@ -218,7 +218,7 @@ impl ReplicaHandle {
 
     /// Another tool, another place, or other clay, from now on.
     pub fn move_to(&mut self, setup: &Arc<ToolSetup>) {
-        self.travel.limit(setup.travel);
+        self.motion_limiter.limit(setup.motion_limits);
         self.setup = Arc::clone(setup);
     }
 
@@ -346,19 +346,19 @@ impl ReplicaHandle {
     fn local_reaction(&mut self, now: Timestamp, port: &HandlePort) -> Vec3 {
         self.go_on_rebuilding();
         let edge = self.edge(now);
-        let tick_s = self.setup.travel.tick_s;
+        let tick_s = self.setup.motion_limits.tick_s;
         let works = matches!(self.status, LoopStatus::Running | LoopStatus::Idle);
         let change = tick_s / self.setup.ramp_s;
         self.gain = (self.gain + if works { change } else { -change }).clamp(0.0, 1.0);
 
-        let before = self.travel.at();
+        let before = self.motion_limiter.at();
         let reference = port.position * self.coupling.position_ratio;
         let wish = Wish {
             reference,
             recovery: Recovery::Absolute,
             lift_m: self.setup.is_lifted.then_some(reference.z),
         };
-        let at = self.travel.step(wish, self.gain);
+        let at = self.motion_limiter.step(wish, self.gain);
         let velocity = (at - before) / tick_s;
         let Some(copy) = &mut self.copy else {
             return Vec3::zeros();

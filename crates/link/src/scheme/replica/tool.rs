@@ -10,12 +10,12 @@ use teleclay_proto::frame::{
 
 use crate::Vec3;
 use crate::deadband::Signal;
+use crate::motion_limiter::Recovery;
 use crate::replica::{Cut, Impossible, Novelty, SweepInbox, SweepLog, ToolSetup};
 use crate::round_trip;
 use crate::scheme::tdpa::TdpaTool;
 use crate::scheme::{Coupling, ToolController, ToolPort};
 use crate::time::Timestamp;
-use crate::travel::Recovery;
 
 /// Sweeps that wait for the tick at most. What does not fit is not noted as come, so the handle repeats it.
 const WAITING: usize = 256;
@@ -186,7 +186,7 @@ impl ReplicaTool {
         let cut = cut_of(record);
         context.cuts.push(cut);
         let way = Vec3::from(cut.to.displacement_from_m(cut.from));
-        let velocity = way / self.setup.travel.tick_s;
+        let velocity = way / self.setup.motion_limits.tick_s;
         let motion = (self.newest < record.sequence)
             .then(|| Motion::new(cut.from, cut.to, velocity.into()).ok())
             .flatten();
@@ -254,7 +254,7 @@ impl ToolController for ReplicaTool {
             && since_ns <= frame.header.echo_ns
         {
             // The handle needs the ramp to come to rest.
-            let ramp = self.setup.ramp_s / self.setup.travel.tick_s;
+            let ramp = self.setup.ramp_s / self.setup.motion_limits.tick_s;
             self.hold = Hold::Known {
                 last: newest.max(self.seen) + ramp.ceil() as u32 + 1,
             };

@@ -22,11 +22,13 @@
 //!
 //! # Energy in samples
 //!
-//! The identity above holds at an instant. What is true over a tick is `F d` with the displacement `d`, and `d / T` is not the `v` that made `F`; limits, ramps
-//! and the gate change force and motion further. So `w` and `u` are formed *after* the tick, from what really happened, with `v = d / T`, and each port keeps
-//! an account: energy of the waves that came, plus true work, less energy of the waves that went. Where the account does not cover the wave that the identity
-//! asks for, a shorter one goes out, and the difference is made up later ([`line`]). At the tool the kinetic energy of the mass is kept out of
-//! what waves may spend; it stands behind the account when clay begins unforeseen, up to `m / 2T`, 250 N s/m.
+//! The identity above holds at an instant. What is true over a tick is `F d` with the displacement `d`, and `d / T` is
+//! not the `v` that made `F`; limits, ramps and the motion limiter change force and motion further. So `w` and `u` are
+//! formed *after* the tick, from what really happened, with `v = d / T`, and each port keeps an account: energy of the
+//! waves that came, plus true work, less energy of the waves that went. Where the account does not cover the wave that
+//! the identity asks for, a shorter one goes out, and the difference is made up later ([`line`]). At the tool the
+//! kinetic energy of the mass is kept out of what waves may spend; it stands behind the account when clay begins
+//! unforeseen, up to `m / 2T`, 250 N s/m.
 //!
 //! # Line
 //!
@@ -54,8 +56,8 @@ use teleclay_proto::frame::{HandleFrame, Header, ToolFrame};
 use super::{Coupling, HandleController, HandlePort, ToolController, ToolPort, resistance_slope};
 use crate::Vec3;
 use crate::deadband::{Quantity, Signal};
+use crate::motion_limiter::Recovery;
 use crate::time::Timestamp;
-use crate::travel::Recovery;
 use line::{Incoming, Outgoing, Sample};
 
 /// Cut-off of the filter that every wave passes on arrival, rad/s, up to `b` = [`FILTER_IMPEDANCE_N_S_PER_M`].

@@ -1,8 +1,9 @@
-//! Where a tool may go in a tick: the one gate that every motion passes, on the server and on the handle's copy of the clay alike.
+//! Where a tool may go in a tick: the one limiter that every motion passes, on the server and on the handle's
+//! copy of the clay alike.
 //!
-//! The gate follows a reference step by step while it is open, and holds the tool while it is not. Nothing that was asked for while it was
-//! shut is made up for: afterwards the tool goes on from where it stands, and where the reference is a place rather than a sum of
-//! increments, it returns there at [`RECOVERY_SPEED_M_S`].
+//! It follows a reference step by step while its gain is above zero, and holds the tool while it is zero. Nothing that
+//! was asked for during a hold is made up for: afterwards the tool goes on from where it stands, and where the
+//! reference is a place rather than a sum of increments, it returns there at [`RECOVERY_SPEED_M_S`].
 
 use crate::Vec3;
 use crate::safety::capped;
@@ -27,7 +28,7 @@ pub enum Recovery {
 
 /// Bounds of a tool's motion. Positions are displacements from the image of the handle's home, m.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct TravelLimits {
+pub struct MotionLimits {
     /// Tick, s.
     pub tick_s: f64,
     /// Least and greatest displacement, m.
@@ -36,7 +37,7 @@ pub struct TravelLimits {
     pub speed_m_s: f64,
 }
 
-impl TravelLimits {
+impl MotionLimits {
     /// The nearest displacement within reach, m.
     pub fn within_reach(&self, displacement: Vec3) -> Vec3 {
         let [least, greatest] = self.reach;
@@ -55,10 +56,10 @@ pub struct Wish {
     pub lift_m: Option<f64>,
 }
 
-/// The gate of one tool.
+/// The motion limiter of one tool.
 #[derive(Clone, Copy, Debug)]
-pub struct Travel {
-    limits: TravelLimits,
+pub struct MotionLimiter {
+    limits: MotionLimits,
     at: Vec3,
     reference: Option<Vec3>,
     /// How far the reference last moved in a tick, m.
@@ -67,9 +68,9 @@ pub struct Travel {
     rise: f64,
 }
 
-impl Travel {
+impl MotionLimiter {
     /// A tool at the image of the handle's home.
-    pub fn new(limits: TravelLimits) -> Self {
+    pub fn new(limits: MotionLimits) -> Self {
         Self {
             limits,
             at: Vec3::zeros(),
@@ -85,12 +86,12 @@ impl Travel {
     }
 
     /// The bounds.
-    pub fn limits(&self) -> &TravelLimits {
+    pub fn limits(&self) -> &MotionLimits {
         &self.limits
     }
 
     /// Other bounds from now on.
-    pub fn limit(&mut self, limits: TravelLimits) {
+    pub fn limit(&mut self, limits: MotionLimits) {
         self.limits = limits;
     }
 
@@ -108,14 +109,14 @@ impl Travel {
         self.rise = 0.0;
     }
 
-    /// Where the tool goes in this tick, m. `gain`, 0 to 1, is how far the gate stands open.
+    /// Where the tool goes in this tick, m. `gain`, 0 to 1, scales every step; at 0 the tool is held.
     pub fn step(&mut self, wish: Wish, gain: f64) -> Vec3 {
-        let TravelLimits {
+        let MotionLimits {
             tick_s, speed_m_s, ..
         } = self.limits;
         let reference = wish.reference;
         if gain <= 0.0 {
-            // Shut: whatever the reference does meanwhile is not made up for.
+            // Held: whatever the reference does meanwhile is not made up for.
             self.put(self.at);
             return self.at;
         }
@@ -145,8 +146,8 @@ mod tests {
 
     const TICK_S: f64 = 1e-3;
 
-    fn travel() -> Travel {
-        Travel::new(TravelLimits {
+    fn limiter() -> MotionLimiter {
+        MotionLimiter::new(MotionLimits {
             tick_s: TICK_S,
             reach: [Vec3::repeat(-0.1), Vec3::repeat(0.1)],
             speed_m_s: 2.0,
@@ -169,10 +170,10 @@ mod tests {
             is_absolute in any::<bool>(),
         ) {
             let recovery = if is_absolute { Recovery::Absolute } else { Recovery::Incremental };
-            let mut travel = travel();
+            let mut limiter = limiter();
             for (x, y, z, gain) in wishes {
-                let before = travel.at();
-                let after = travel.step(to(Vec3::new(x, y, z), recovery), gain);
+                let before = limiter.at();
+                let after = limiter.step(to(Vec3::new(x, y, z), recovery), gain);
                 prop_assert!((after - before).norm() <= 2.0 * TICK_S * (1.0 + 1e-12));
                 prop_assert!(after.amax() <= 0.1);
             }
@@ -180,33 +181,33 @@ mod tests {
     }
 
     #[test]
-    fn what_was_asked_for_while_shut_is_not_made_up_for() {
-        let mut travel = travel();
-        travel.step(to(Vec3::zeros(), Recovery::Incremental), 1.0);
+    fn what_was_asked_for_during_a_hold_is_not_made_up_for() {
+        let mut limiter = limiter();
+        limiter.step(to(Vec3::zeros(), Recovery::Incremental), 1.0);
         for k in 1..=100 {
-            travel.step(
+            limiter.step(
                 to(Vec3::x() * (1e-4 * f64::from(k)), Recovery::Incremental),
                 0.0,
             );
         }
-        let after = travel.step(to(Vec3::x() * 0.03, Recovery::Incremental), 1.0);
+        let after = limiter.step(to(Vec3::x() * 0.03, Recovery::Incremental), 1.0);
         assert_eq!(
             after,
             Vec3::zeros(),
             "the first reference after a hold is where counting starts"
         );
-        let after = travel.step(to(Vec3::x() * 0.0301, Recovery::Incremental), 1.0);
+        let after = limiter.step(to(Vec3::x() * 0.0301, Recovery::Incremental), 1.0);
         assert!((after - Vec3::x() * 1e-4).norm() < 1e-15);
     }
 
     #[test]
     fn an_absolute_reference_is_returned_to_slowly() {
-        let mut travel = travel();
+        let mut limiter = limiter();
         let there = to(Vec3::x() * 0.01, Recovery::Absolute);
-        travel.step(there, 0.0);
-        let (mut before, mut speed_before) = (travel.at(), 0.0);
+        limiter.step(there, 0.0);
+        let (mut before, mut speed_before) = (limiter.at(), 0.0);
         let ticks = (1..2000).find(|_| {
-            let after = travel.step(there, 1.0);
+            let after = limiter.step(there, 1.0);
             let speed = (after - before).norm() / TICK_S;
             assert!(speed <= RECOVERY_SPEED_M_S * (1.0 + 1e-9));
             assert!(
