@@ -5,7 +5,7 @@ use std::time::Duration;
 use serde::Serialize;
 use teleclay_bilateral::rig::{Rig, RigError};
 use teleclay_clay::UNITS_PER_VOXEL;
-use teleclay_link::replica::ForceGate;
+use teleclay_link::replica::CorrectionLimiter;
 use teleclay_link::scheme::replica::ReplicaHandle;
 use teleclay_link::time::Timestamp;
 use teleclay_proto::Scheme;
@@ -138,14 +138,14 @@ fn measure(
         })
     });
     let copy = rig.replica().and_then(ReplicaHandle::copy);
-    let gate = copy.map(teleclay_link::replica::Copy::gate);
+    let limiter = copy.map(teleclay_link::replica::Copy::limiter);
     let outcome = Outcome {
         stable: is_calm && !probe.is_apart,
         min_energy_j,
         coordination_rmse_m: probe.coordination_rmse_m(),
         correction_steps_n: std::mem::take(&mut probe.correction_steps_n),
-        earned_j: gate.map_or(0.0, ForceGate::earned_j),
-        injected_j: gate.map_or(0.0, ForceGate::injected_j),
+        earned_j: limiter.map_or(0.0, CorrectionLimiter::earned_j),
+        injected_j: limiter.map_or(0.0, CorrectionLimiter::injected_j),
         hidden_force_nrmse: (cell.scheme == Scheme::Replica).then(|| probe.hidden_force_nrmse()),
         clay_identical: (cell.scheme == Scheme::Replica).then(|| is_one_clay(&rig)),
         packets_per_s: packets,
@@ -202,7 +202,10 @@ impl Probe {
             let apart_m = rig.tool().distance_from_m(sample.position_m);
             self.coordination_m2 += apart_m * apart_m;
             let copy = rig.replica().and_then(ReplicaHandle::copy);
-            if let Some(step_n) = copy.map(|copy| copy.gate().step_n()).filter(|n| 0.0 < *n) {
+            if let Some(step_n) = copy
+                .map(|copy| copy.limiter().step_n())
+                .filter(|n| 0.0 < *n)
+            {
                 self.correction_steps_n.push(step_n);
             }
             let [hx, hy, _] = rig.tool().view().hidden_force_n;

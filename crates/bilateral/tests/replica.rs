@@ -254,9 +254,9 @@ fn a_second_writer_jolts_nobody_and_brings_no_energy_that_was_not_earned() {
             rig.tick();
             for place in 0..2 {
                 let replica = rig.handle_of(place).replica().unwrap();
-                let gate = replica.copy().unwrap().gate();
-                steps[place] = steps[place].max(gate.step_n());
-                assert!(gate.injected_j() <= gate.earned_j() + 1e-12);
+                let limiter = replica.copy().unwrap().limiter();
+                steps[place] = steps[place].max(limiter.step_n());
+                assert!(limiter.injected_j() <= limiter.earned_j() + 1e-12);
                 // What the other one cut comes as cuts. A snapshot would heal it as well, much later and at once.
                 assert!(replica.wanted_snapshot().is_none(), "{delay_ms} ms");
             }
@@ -315,7 +315,7 @@ fn corrections_are_told_as_the_hand_felt_them() {
                 "{case}: off by {off_n} N"
             );
             if told.count == count {
-                // Nothing was corrected in this tick, so what is held back moved by the gate's step.
+                // Nothing was corrected in this tick, so what is held back moved by the limiter's step.
                 let step_n = (held - before).norm();
                 moved_n += step_n;
                 largest_n = largest_n.max(step_n);
@@ -333,10 +333,10 @@ fn corrections_are_told_as_the_hand_felt_them() {
         assert!(0.9 * f64::from(told.largest_step_n) < largest_n, "{case}");
         let since_n = told.moved_n - start.moved_n;
         assert!(0.2 < moved_n && moved_n <= since_n + 1e-6, "{case}");
-        let gate = *rig.handle().replica().unwrap().copy().unwrap().gate();
-        assert!((told.moved_n * force_ratio - gate.moved_n()).abs() < 1e-9);
+        let limiter = *rig.handle().replica().unwrap().copy().unwrap().limiter();
+        assert!((told.moved_n * force_ratio - limiter.moved_n()).abs() < 1e-9);
         let injected_j = f64::from(told.injected_j) * position_ratio * force_ratio;
-        assert!((injected_j - gate.injected_j()).abs() < 1e-6 * (1.0 + injected_j));
+        assert!((injected_j - limiter.injected_j()).abs() < 1e-6 * (1.0 + injected_j));
         drain(&mut rig);
         let known = rig.tool().view().corrections;
         assert_eq!(known, rig.handle().frame().corrections, "{case}");
@@ -369,7 +369,7 @@ fn only_work_that_the_hand_felt_fills_the_tank() {
         );
         rig.run_for(Duration::from_secs(2));
         assert!(0 < rig.session().clay().removed_units());
-        rig.replica().unwrap().copy().unwrap().gate().earned_j()
+        rig.replica().unwrap().copy().unwrap().limiter().earned_j()
     };
     let [two, three] = [Axes::Two, Axes::Three].map(earned_j);
     println!("{two} J with two axes, {three} J with three");
@@ -401,7 +401,7 @@ fn clay_that_came_to_differ_is_found_and_healed() {
     let mut steepest = 0.0_f64;
     for _ in 0..2000 {
         rig.tick();
-        steepest = steepest.max(rig.replica().unwrap().copy().unwrap().gate().step_n());
+        steepest = steepest.max(rig.replica().unwrap().copy().unwrap().limiter().step_n());
     }
     drain(&mut rig);
     assert_clay_is_one(&rig, "after healing");

@@ -2,11 +2,11 @@
 //!
 //! A tick goes in this order: pieces of a snapshot that is being brought up to date, the tool's own motion, corrections near the tool.
 //! What the tool met before the corrections and what it meets after them differ at the same pose and speed; that difference goes through the
-//! [`ForceGate`].
+//! [`CorrectionLimiter`].
 
 use teleclay_clay::{Clay, ContactState, Material, Motion, Pose, Sweep, Tool};
 
-use super::gate::{ForceGate, GateLimits};
+use super::correction_limiter::{CorrectionLimiter, CorrectionLimits};
 use crate::Vec3;
 use crate::motion_limiter::MotionLimits;
 
@@ -96,7 +96,7 @@ pub enum Edge {
 /// What a tick of the copy gave.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Worked {
-    /// Force of the clay on the tool after the gate, N.
+    /// Force of the clay on the tool after the correction limiter, N.
     pub force: Vec3,
     /// What the tool cut or passed through, if it moved and cuts.
     pub cut: Option<Cut>,
@@ -112,9 +112,9 @@ pub struct Copy {
     pose: Pose,
     /// Where it was a tick before.
     from: Pose,
-    /// The clay's answer in the last tick, before the gate, N.
+    /// The clay's answer in the last tick, before the correction limiter, N.
     answer: Vec3,
-    gate: ForceGate,
+    limiter: CorrectionLimiter,
     corrections: Vec<Cut>,
     /// The clay was exchanged for another snapshot since the last tick.
     is_fresh_snapshot: bool,
@@ -123,7 +123,7 @@ pub struct Copy {
 
 impl Copy {
     /// A copy of the block of `epoch`, with the tool at a pose at rest. `limits` are at the tool, where the ratios of the coupling have been applied.
-    pub fn new(clay: Box<Clay>, epoch: u32, pose: Pose, limits: GateLimits) -> Self {
+    pub fn new(clay: Box<Clay>, epoch: u32, pose: Pose, limits: CorrectionLimits) -> Self {
         Self {
             clay,
             epoch,
@@ -131,7 +131,7 @@ impl Copy {
             pose,
             from: pose,
             answer: Vec3::zeros(),
-            gate: ForceGate::new(limits),
+            limiter: CorrectionLimiter::new(limits),
             corrections: Vec::with_capacity(CORRECTIONS_WAITING),
             is_fresh_snapshot: false,
             hash: None,
@@ -148,9 +148,9 @@ impl Copy {
         &self.clay
     }
 
-    /// The gate of corrections.
-    pub fn gate(&self) -> &ForceGate {
-        &self.gate
+    /// The limiter of corrections.
+    pub fn limiter(&self) -> &CorrectionLimiter {
+        &self.limiter
     }
 
     /// Where the tool is.
@@ -163,7 +163,7 @@ impl Copy {
         self.pose.displacement_from_m(self.from).into()
     }
 
-    /// The clay's answer in the last tick before the gate, N.
+    /// The clay's answer in the last tick before the correction limiter, N.
     pub fn answer(&self) -> Vec3 {
         self.answer
     }
@@ -243,7 +243,7 @@ impl Copy {
         let mut force = Vec3::from(answer.force_n);
         if std::mem::take(&mut self.is_fresh_snapshot) {
             // The old snapshot is gone: what it answered a tick ago stands for what it would answer now.
-            self.gate
+            self.limiter
                 .on_correction(setup.felt(self.answer), setup.felt(force));
         }
         let (is_near, is_changed) = self.carry_out_corrections(setup, &motion);
@@ -253,7 +253,7 @@ impl Copy {
                 .clay
                 .feel(&setup.tool, &setup.material, &motion, &mut self.contact);
             let after = Vec3::from(felt.force_n);
-            self.gate
+            self.limiter
                 .on_correction(setup.felt(force), setup.felt(after));
             force = after;
         }
@@ -264,7 +264,7 @@ impl Copy {
         self.answer = force;
         Worked {
             force: self
-                .gate
+                .limiter
                 .step(force, setup.felt(velocity), setup.motion_limits.tick_s),
             // A tool that rests cuts as well, where clay stands in its place.
             cut: (edge == Edge::Cutting && (from != to || 0 < removed)).then_some(Cut { from, to }),

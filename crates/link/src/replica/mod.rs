@@ -9,15 +9,15 @@
 //! | [`SweepLog`] | numbers the sweeps that one side makes and says which of them go into the next packet |
 //! | [`SweepInbox`] | tells new sweeps from known ones and says what to acknowledge |
 //! | [`Copy`] | the clay at the handle's side, with a tool in it, and corrections on their way into it |
-//! | [`ForceGate`] | lets a correction of the copy change the felt force only slowly, and only with energy that cutting has earned |
+//! | [`CorrectionLimiter`] | lets a correction of the copy change the felt force only slowly, and only with energy that cutting has earned |
 
 mod copy;
-mod gate;
+mod correction_limiter;
 mod inbox;
 mod log;
 
 pub use copy::{CORRECTIONS_WAITING, Copy, Cut, Edge, Impossible, ToolSetup, Worked};
-pub use gate::{ForceGate, GateLimits};
+pub use correction_limiter::{CorrectionLimiter, CorrectionLimits};
 pub use inbox::{Novelty, SweepInbox};
 pub use log::{LogFull, SweepLog};
 

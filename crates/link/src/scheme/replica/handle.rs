@@ -14,7 +14,7 @@ use crate::Vec3;
 use crate::deadband::Signal;
 use crate::motion_limiter::{MotionLimiter, Recovery, Wish};
 use crate::replica::{
-    Copy, Cut, Edge, GateLimits, Novelty, SweepInbox, SweepLog, ToolSetup, WINDOW,
+    Copy, CorrectionLimits, Cut, Edge, Novelty, SweepInbox, SweepLog, ToolSetup, WINDOW,
 };
 use crate::round_trip;
 use crate::scheme::tdpa::TdpaHandle;
@@ -142,16 +142,16 @@ impl ReplicaHandle {
 
     /// What corrections of the copy have done to the hand; nothing without a copy.
     fn corrections(&self) -> Corrections {
-        let Some(gate) = self.copy.as_ref().map(Copy::gate) else {
+        let Some(limiter) = self.copy.as_ref().map(Copy::limiter) else {
             return Corrections::default();
         };
         Corrections {
-            moved_n: gate.moved_n() / -self.coupling.force_ratio,
-            held_n: self.coupling.felt(gate.held()).map(|n| n as f32).into(),
-            largest_step_n: (gate.largest_step_n() / -self.coupling.force_ratio) as f32,
-            injected_j: (gate.injected_j() / self.coupling.power_ratio()) as f32,
-            tank_j: (gate.tank_j() / self.coupling.power_ratio()) as f32,
-            count: gate.corrections(),
+            moved_n: limiter.moved_n() / -self.coupling.force_ratio,
+            held_n: self.coupling.felt(limiter.held()).map(|n| n as f32).into(),
+            largest_step_n: (limiter.largest_step_n() / -self.coupling.force_ratio) as f32,
+            injected_j: (limiter.injected_j() / self.coupling.power_ratio()) as f32,
+            tank_j: (limiter.tank_j() / self.coupling.power_ratio()) as f32,
+            count: limiter.corrections(),
         }
     }
 
@@ -206,7 +206,7 @@ impl ReplicaHandle {
             snapshot.clay,
             snapshot.epoch,
             pose,
-            self.gate_limits(),
+            self.correction_limits(),
         ));
         self.gain = 0.0;
     }
@@ -222,10 +222,10 @@ impl ReplicaHandle {
         self.setup = Arc::clone(setup);
     }
 
-    /// What the gate may do to the device, as the tool's side of the ratios has it.
-    fn gate_limits(&self) -> GateLimits {
-        let at_device = GateLimits::for_range(self.setup.force_limit_n);
-        GateLimits {
+    /// What corrections may do to the device, as the tool's side of the ratios has it.
+    fn correction_limits(&self) -> CorrectionLimits {
+        let at_device = CorrectionLimits::for_range(self.setup.force_limit_n);
+        CorrectionLimits {
             step_n: at_device.step_n * -self.coupling.force_ratio,
             tank_j: at_device.tank_j * self.coupling.power_ratio(),
         }

@@ -3,7 +3,7 @@
 //! a model at the near side [MN08]; both in docs/papers.md.
 //!
 //! ```text
-//! handle   tool at A_h1 y_h in the copy, now     cut -> SweepLog      felt = gate(answer of the copy) / |A_h2|
+//! handle   tool at A_h1 y_h in the copy, now     cut -> SweepLog      felt = limited(answer of the copy) / |A_h2|
 //! up       sweeps not acknowledged, state of the copy
 //! tool     each new sweep: checked, merged, its own answer computed        refused with a reason where it cannot have been
 //! down     acknowledged up to, hash of the clay, sweeps of other tools

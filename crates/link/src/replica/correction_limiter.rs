@@ -1,27 +1,28 @@
-//! The gate: how a correction of the copy may show in the hand.
+//! The correction limiter: how a correction of the copy may show in the hand.
 //!
-//! A correction changes the clay under the tool and with it, at the same pose and speed, the force. The gate keeps the difference and lets
-//! it go a step a tick, so that the felt force never jumps. While it is held, what is felt is not what the copy says; where that
-//! difference pushes the hand along its own motion it would bring energy into the hand that nobody put in. So it may do so only out of a tank,
-//! and the tank fills with what the hand has spent on cutting. Where the tank is empty the energy counts more than the step: the force then
-//! shows the correction at once.
+//! A correction changes the clay under the tool and with it, at the same pose and speed, the force. The limiter keeps
+//! the difference and lets it go a step a tick, so that the felt force never jumps. While it is held, what is felt is
+//! not what the copy says; where that difference pushes the hand along its own motion it would bring energy into the
+//! hand that nobody put in. So it may do so only out of a tank, and the tank fills with what the hand has spent on
+//! cutting. Where the tank is empty the energy counts more than the step: the force then shows the correction at once.
 //!
-//! In this clay a correction stores no energy by itself: viscous and plastic resistance store none, and the elastic stretch is measured from where the clay
-//! last gave way, not from a wall that a correction could move under the tool. A spring wall would need the penetration to be gated instead.
+//! In this clay a correction stores no energy by itself: viscous and plastic resistance store none, and the elastic
+//! stretch is measured from where the clay last gave way, not from a wall that a correction could move under the tool.
+//! A spring wall would need the penetration to be limited instead.
 
 use crate::Vec3;
 use crate::safety::capped;
 
-/// Bounds of the gate.
+/// Bounds of what a correction may do to the hand.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct GateLimits {
+pub struct CorrectionLimits {
     /// Greatest change of the force by a correction in one tick, N.
     pub step_n: f64,
     /// Most that the tank holds, J.
     pub tank_j: f64,
 }
 
-impl GateLimits {
+impl CorrectionLimits {
     /// For a device of this force range, N: a step of 2 % of it a tick, a third of what a hand can just tell; a tank of 50 mJ, what a centimetre of cutting
     /// at 5 N spends.
     pub fn for_range(force_n: f64) -> Self {
@@ -32,10 +33,10 @@ impl GateLimits {
     }
 }
 
-/// The gate of one tool.
+/// The correction limiter of one tool.
 #[derive(Clone, Copy, Debug)]
-pub struct ForceGate {
-    limits: GateLimits,
+pub struct CorrectionLimiter {
+    limits: CorrectionLimits,
     /// Felt force less the copy's, N.
     held: Vec3,
     tank_j: f64,
@@ -47,9 +48,9 @@ pub struct ForceGate {
     corrections: u32,
 }
 
-impl ForceGate {
+impl CorrectionLimiter {
     /// Nothing held, an empty tank.
-    pub fn new(limits: GateLimits) -> Self {
+    pub fn new(limits: CorrectionLimits) -> Self {
         Self {
             limits,
             held: Vec3::zeros(),
@@ -147,46 +148,49 @@ mod tests {
     use proptest::prelude::*;
 
     const TICK_S: f64 = 1e-3;
-    const LIMITS: GateLimits = GateLimits {
+    const LIMITS: CorrectionLimits = CorrectionLimits {
         step_n: 0.4,
         tank_j: 0.05,
     };
 
     #[test]
     fn without_corrections_the_copys_force_passes_unchanged() {
-        let mut gate = ForceGate::new(LIMITS);
+        let mut limiter = CorrectionLimiter::new(LIMITS);
         let force = Vec3::new(-1.0, 0.3, 0.0);
-        assert_eq!(gate.step(force, Vec3::new(0.04, 0.0, 0.0), TICK_S), force);
+        assert_eq!(
+            limiter.step(force, Vec3::new(0.04, 0.0, 0.0), TICK_S),
+            force
+        );
     }
 
     #[test]
     fn clay_that_vanishes_under_the_tool_fades_and_does_not_drop() {
-        let mut gate = ForceGate::new(LIMITS);
+        let mut limiter = CorrectionLimiter::new(LIMITS);
         let velocity = Vec3::new(0.04, 0.0, 0.0);
         let before = Vec3::new(-4.0, 0.0, 0.0);
-        gate.step(before, velocity, TICK_S);
-        gate.on_correction(before, Vec3::zeros());
-        gate.on_correction(Vec3::zeros(), Vec3::zeros());
+        limiter.step(before, velocity, TICK_S);
+        limiter.on_correction(before, Vec3::zeros());
+        limiter.on_correction(Vec3::zeros(), Vec3::zeros());
         let mut felt = before;
         for _ in 0..10 {
-            let next = gate.step(Vec3::zeros(), velocity, TICK_S);
+            let next = limiter.step(Vec3::zeros(), velocity, TICK_S);
             assert!((next - felt).norm() <= LIMITS.step_n + 1e-12);
             felt = next;
         }
         assert!(felt.norm() < 1e-12);
         assert_eq!(
-            gate.corrections(),
+            limiter.corrections(),
             1,
             "one of the two changed nothing that is felt"
         );
         for _ in 0..10 {
-            gate.step(Vec3::zeros(), velocity, TICK_S);
+            limiter.step(Vec3::zeros(), velocity, TICK_S);
         }
-        assert_eq!(gate.step_n(), 0.0);
-        assert!((gate.largest_step_n() - LIMITS.step_n).abs() < 1e-12);
-        assert!((gate.moved_n() - before.norm()).abs() < 1e-12);
+        assert_eq!(limiter.step_n(), 0.0);
+        assert!((limiter.largest_step_n() - LIMITS.step_n).abs() < 1e-12);
+        assert!((limiter.moved_n() - before.norm()).abs() < 1e-12);
         assert_eq!(
-            gate.injected_j(),
+            limiter.injected_j(),
             0.0,
             "holding back a moving hand brings no energy"
         );
@@ -198,14 +202,14 @@ mod tests {
         fn injected_energy_never_exceeds_what_was_earned(
             ticks in prop::collection::vec((-8.0..8.0, -8.0..8.0, -0.5..0.5, -0.5..0.5, prop::bool::weighted(0.2)), 1..400)
         ) {
-            let mut gate = ForceGate::new(LIMITS);
+            let mut limiter = CorrectionLimiter::new(LIMITS);
             let (mut injected, mut earned) = (0.0, 0.0);
             for (fx, fy, vx, vy, corrects) in ticks {
                 let (velocity, drag) = (Vec3::new(vx, vy, 0.0), -2.0 * Vec3::new(vx, vy, 0.0));
                 if corrects {
-                    gate.on_correction(Vec3::new(fx, fy, 0.0), drag);
+                    limiter.on_correction(Vec3::new(fx, fy, 0.0), drag);
                 }
-                let felt = gate.step(drag, velocity, TICK_S);
+                let felt = limiter.step(drag, velocity, TICK_S);
                 earned += -drag.dot(&velocity) * TICK_S;
                 injected += ((felt - drag).dot(&velocity) * TICK_S).max(0.0);
                 prop_assert!(injected <= earned + 1e-9, "{injected} J of {earned} J");
