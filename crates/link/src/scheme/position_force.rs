@@ -10,8 +10,8 @@
 //! answer to the motion of a tick is felt in the next: one tick more. So what the line itself may take is the margin less two ticks, for clay
 //! that answers position instead of velocity less one and a half.
 //!
-//! With perceptual coding the handle sends a frame only when its velocity has changed by more than a hand can tell, and the tool's controller bridges what is
-//! left out.
+//! With perceptual coding the handle sends a frame only when its velocity has changed by more than a hand can tell, and
+//! the tool's controller bridges what is left out by dead reckoning.
 //!
 //! It creates energy as soon as there is delay, and has nothing to notice that with. It shows why the other schemes exist.
 
@@ -53,7 +53,7 @@ impl HandleController for PositionForceHandle {
 
     fn fill(&mut self, _frame: &mut HandleFrame) {}
 
-    /// The tool goes on at the speed it was told last, see [`Bridge`].
+    /// The tool goes on at the speed it was told last, see [`DeadReckoning`].
     fn signal(&self, frame: &HandleFrame) -> Option<Signal> {
         Some(Signal::velocity(Vec3::from(frame.velocity_m_s)))
     }
@@ -65,7 +65,7 @@ pub struct PositionForceTool {
     position_ratio: f64,
     tick_s: f64,
     handle_position: Vec3,
-    bridge: Option<Bridge>,
+    reckoning: Option<DeadReckoning>,
     /// Whether the handle is told to leave frames out.
     expects_gaps: bool,
     /// The longest that it was ever told to, s; nothing where it never was.
@@ -83,7 +83,7 @@ impl PositionForceTool {
             position_ratio: coupling.position_ratio,
             tick_s: coupling.tick_s,
             handle_position: Vec3::zeros(),
-            bridge: None,
+            reckoning: None,
             expects_gaps: false,
             gap_s: None,
             newest: None,
@@ -111,21 +111,21 @@ impl PositionForceTool {
 }
 
 impl ToolController for PositionForceTool {
-    /// What the handle does decides about the bridge, not what it was told: it hears of that a delay later.
+    /// What the handle does decides about dead reckoning, not what it was told: it hears of that a delay later.
     fn on_frame(&mut self, _now: Timestamp, frame: &HandleFrame) {
         let is_gap = self.look_for_a_gap(frame);
-        if is_gap && self.bridge.is_none() {
-            self.bridge = self
+        if is_gap && self.reckoning.is_none() {
+            self.reckoning = self
                 .gap_s
-                .map(|gap_s| Bridge::from(self.handle_position, gap_s));
+                .map(|gap_s| DeadReckoning::from(self.handle_position, gap_s));
         }
         self.handle_position = Vec3::from(frame.position_m);
-        if let Some(bridge) = &mut self.bridge {
-            bridge.told = self.handle_position;
-            bridge.velocity = Vec3::from(frame.velocity_m_s);
-            bridge.age_s = 0.0;
-            if !self.expects_gaps && ENOUGH_GAPS * bridge.gap_s < self.unbroken_s {
-                self.bridge = None;
+        if let Some(reckoning) = &mut self.reckoning {
+            reckoning.told = self.handle_position;
+            reckoning.velocity = Vec3::from(frame.velocity_m_s);
+            reckoning.age_s = 0.0;
+            if !self.expects_gaps && ENOUGH_GAPS * reckoning.gap_s < self.unbroken_s {
+                self.reckoning = None;
             }
         }
     }
@@ -135,20 +135,20 @@ impl ToolController for PositionForceTool {
         let Some(longest) = longest else { return };
         let gap_s = longest.as_secs_f64().max(self.tick_s);
         self.gap_s = Some(gap_s);
-        match &mut self.bridge {
-            Some(bridge) => bridge.gap_s = gap_s,
+        match &mut self.reckoning {
+            Some(reckoning) => reckoning.gap_s = gap_s,
             None => {
-                self.bridge = Some(Bridge {
+                self.reckoning = Some(DeadReckoning {
                     velocity,
-                    ..Bridge::from(self.handle_position, gap_s)
+                    ..DeadReckoning::from(self.handle_position, gap_s)
                 });
             }
         }
     }
 
     fn reference(&mut self, _now: Timestamp, _port: &ToolPort, _remote_gain: f64) -> Vec3 {
-        let handle_position = match &mut self.bridge {
-            Some(bridge) => bridge.step(self.tick_s),
+        let handle_position = match &mut self.reckoning {
+            Some(reckoning) => reckoning.step(self.tick_s),
             None => self.handle_position,
         };
         handle_position * self.position_ratio
@@ -156,8 +156,8 @@ impl ToolController for PositionForceTool {
 
     fn reindex(&mut self, handle_position: Vec3) {
         self.handle_position = handle_position;
-        if let Some(bridge) = &mut self.bridge {
-            *bridge = Bridge::from(handle_position, bridge.gap_s);
+        if let Some(reckoning) = &mut self.reckoning {
+            *reckoning = DeadReckoning::from(handle_position, reckoning.gap_s);
         }
     }
 
@@ -172,13 +172,14 @@ impl ToolController for PositionForceTool {
     }
 }
 
-/// A bridge is given up when nothing has been left out for this many of the longest gaps: what was to be made up for has been by then.
+/// Dead reckoning is given up when nothing has been left out for this many of the longest gaps: what was to be made up for has been by then.
 const ENOUGH_GAPS: f64 = 6.0;
 
-/// The handle's way while its frames are left out. It goes on at the velocity told last, which is within the band of the true one. Where the next
-/// frame says otherwise, the difference is made up over one gap: a jump of position would be a blow of force, for the clay answers velocity.
+/// Dead reckoning of the handle while its frames are left out: it goes on at the velocity told last, which is within
+/// the band of the true one. Where the next frame says otherwise, the difference is made up over one gap: a jump of
+/// position would be a blow of force, for the clay answers velocity.
 #[derive(Clone, Copy, Debug)]
-struct Bridge {
+struct DeadReckoning {
     /// The longest that frames are left out, s.
     gap_s: f64,
     told: Vec3,
@@ -188,7 +189,7 @@ struct Bridge {
     at: Vec3,
 }
 
-impl Bridge {
+impl DeadReckoning {
     /// From rest.
     fn from(position: Vec3, gap_s: f64) -> Self {
         Self {
