@@ -211,7 +211,7 @@ impl HandleSide {
             let is_of_this_scheme =
                 header.scheme == self.scheme && !is_after(self.scheme_since, header.sequence);
             if is_of_this_scheme {
-                self.controller.on_straggler(now, frame);
+                self.controller.on_late_frame(now, frame);
             }
             return;
         }

@@ -200,7 +200,7 @@ impl ToolSide {
             return;
         }
         if arrival != Arrival::Newest {
-            self.controller.on_straggler(now, frame);
+            self.controller.on_late_frame(now, frame);
             return;
         }
         self.round_trip

@@ -24,7 +24,7 @@ pub struct ArrivalCounts {
     pub missing: u64,
 }
 
-/// Watches the sequence numbers of one stream. Remembers the last 128, so a duplicate or straggler within 128 ms is told apart.
+/// Watches the sequence numbers of one stream. Remembers the last 128, so a duplicate or late frame within 128 ms is told apart.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Arrivals {
     /// Newest sequence number, and which of the 128 up to it came (bit 0 is the newest itself).
@@ -79,7 +79,7 @@ mod tests {
     }
 
     #[test]
-    fn a_gap_is_missing_until_the_straggler_comes() {
+    fn a_gap_is_missing_until_the_late_frame_comes() {
         assert_eq!(counts_of(&[5, 6, 9]).missing, 2);
         let healed = counts_of(&[5, 6, 9, 7]);
         assert_eq!(

@@ -8,10 +8,10 @@
 //!
 //! - A frame that comes too late while nothing newer has been played raises the delay at once, to its own: it is the network that became
 //!   slower, and whatever was missed meanwhile has been missed anyway.
-//! - A frame that comes after a newer one was played is a straggler. It is dropped, and the delay grows by one tick.
+//! - A frame that comes after a newer one was played is a late frame. It is dropped, and the delay grows by one tick.
 //! - When none of [`WINDOW`] frames came within a tick of being late, the delay shrinks by one tick.
 //!
-//! The last two hold the share of stragglers near one in [`WINDOW`], whatever the shape of the jitter: a single outlier moves the
+//! The last two hold the share of late frames near one in [`WINDOW`], whatever the shape of the jitter: a single outlier moves the
 //! delay by a tick, not by its own lateness. Where the delay grows there is a tick with nothing due, where it shrinks one with two frames due;
 //! what that means for what the frames carry is the caller's to decide.
 
@@ -19,7 +19,7 @@ use std::collections::VecDeque;
 
 use crate::time::Timestamp;
 
-/// Frames over which the least slack is sought, and so the share of stragglers that is accepted.
+/// Frames over which the least slack is sought, and so the share of late frames that is accepted.
 pub const WINDOW: u32 = 128;
 
 /// Frames that can wait at once. At 1 kHz a second: four deviations of the worst jitter that is played out here.
@@ -42,7 +42,7 @@ pub struct PlayoutCounts {
     /// Frames handed out.
     pub played: u64,
     /// Frames that came after a newer one was handed out, and were dropped.
-    pub stragglers: u64,
+    pub late_frames: u64,
 }
 
 /// Frames waiting for their time. Allocates when made and never again.
@@ -85,7 +85,7 @@ impl<T> Playout<T> {
         let offset_ns = *self.offset_ns.get_or_insert(transit_ns);
         let slack_ns = offset_ns.saturating_sub(transit_ns);
         if self.played_ns.is_some_and(|played| sent_ns <= played) {
-            self.counts.stragglers += 1;
+            self.counts.late_frames += 1;
             if slack_ns < 0 {
                 self.offset_ns = Some(offset_ns.saturating_add(self.tick_ns));
             }
@@ -213,7 +213,7 @@ mod tests {
     }
 
     #[test]
-    fn jitter_settles_to_a_constant_delay_with_about_one_straggler_in_a_window() {
+    fn jitter_settles_to_a_constant_delay_with_about_one_late_frame_in_a_window() {
         for distribution in [JitterDistribution::Normal, JitterDistribution::HeavyTailed] {
             let line = Impairment {
                 delay: TICK * 100,
@@ -224,7 +224,7 @@ mod tests {
             };
             let (before, _) = run(line, 20_000);
             let (after, played) = run(line, 60_000);
-            let late = after.counts().stragglers - before.counts().stragglers;
+            let late = after.counts().late_frames - before.counts().late_frames;
             let share = late as f64 / 40_000.0;
             let delay_s = after.offset_s().unwrap() + AHEAD_NS as f64 * 1e-9;
             println!("{distribution:?}: {share} late, delay {delay_s} s");
@@ -294,7 +294,7 @@ mod tests {
                 }
             }
             assert!(119_990 < played, "{ppm} ppm: {played}");
-            assert_eq!(playout.counts().stragglers, 0);
+            assert_eq!(playout.counts().late_frames, 0);
         }
     }
 

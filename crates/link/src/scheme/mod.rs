@@ -116,7 +116,7 @@ pub trait HandleController: Send {
     fn on_frame(&mut self, now: Timestamp, frame: &ToolFrame);
 
     /// A frame came after a newer one, or came again. Only a scheme that plays samples in their order wants it.
-    fn on_straggler(&mut self, _now: Timestamp, _frame: &ToolFrame) {}
+    fn on_late_frame(&mut self, _now: Timestamp, _frame: &ToolFrame) {}
 
     /// The force on the hand for this tick, N, before limits and ramps.
     fn reaction(&mut self, now: Timestamp, port: &HandlePort) -> Vec3;
@@ -157,7 +157,7 @@ pub trait ToolController: Send {
     fn on_frame(&mut self, now: Timestamp, frame: &HandleFrame);
 
     /// A frame came after a newer one, or came again. Only a scheme that plays samples in their order wants it.
-    fn on_straggler(&mut self, _now: Timestamp, _frame: &HandleFrame) {}
+    fn on_late_frame(&mut self, _now: Timestamp, _frame: &HandleFrame) {}
 
     /// One tick of a tool that the handle's sweeps lead. `None` where they do not: then the tool follows [`ToolController::reference`].
     fn merge(

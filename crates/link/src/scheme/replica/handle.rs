@@ -407,7 +407,7 @@ impl HandleController for ReplicaHandle {
         }
     }
 
-    fn on_straggler(&mut self, now: Timestamp, frame: &ToolFrame) {
+    fn on_late_frame(&mut self, now: Timestamp, frame: &ToolFrame) {
         if frame.header.scheme == Scheme::Replica && frame.header.clay_epoch == self.epoch {
             self.take_relayed(now, frame);
         }

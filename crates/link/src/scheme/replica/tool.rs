@@ -261,10 +261,10 @@ impl ToolController for ReplicaTool {
         }
         self.rests = newest <= self.seen;
         self.seen = self.seen.max(newest);
-        self.on_straggler(now, frame);
+        self.on_late_frame(now, frame);
     }
 
-    fn on_straggler(&mut self, _now: Timestamp, frame: &HandleFrame) {
+    fn on_late_frame(&mut self, _now: Timestamp, frame: &HandleFrame) {
         if self.is_of_this_generation(frame)
             && frame.header.clay_epoch == self.epoch
             && frame.copy != CopyState::None

@@ -151,7 +151,7 @@ impl HandleController for WaveHandle {
         self.port.on_frame(now, &frame.header, sample);
     }
 
-    fn on_straggler(&mut self, now: Timestamp, frame: &ToolFrame) {
+    fn on_late_frame(&mut self, now: Timestamp, frame: &ToolFrame) {
         self.on_frame(now, frame);
     }
 
@@ -216,7 +216,7 @@ impl ToolController for WaveTool {
         self.port.on_frame(now, &frame.header, sample);
     }
 
-    fn on_straggler(&mut self, now: Timestamp, frame: &HandleFrame) {
+    fn on_late_frame(&mut self, now: Timestamp, frame: &HandleFrame) {
         self.on_frame(now, frame);
     }
 
