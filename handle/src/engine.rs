@@ -6,7 +6,7 @@
 //! ```
 //!
 //! The thread owns the device for as long as the program runs, with a server or without: a lost server leaves the handle side with its
-//! watchdog, a new lease comes as a new [`Seat`]. It takes orders and frames from lock-free rings and puts frames, records and seats it is
+//! watchdog, a new lease comes as a new [`Attachment`]. It takes orders and frames from lock-free rings and puts frames, records and attachments it is
 //! done with into others; it never allocates, locks, or calls Zenoh.
 
 use std::io;
@@ -25,10 +25,10 @@ use teleclay_proto::frame::{CopyState, Corrections};
 use teleclay_shell::Clock;
 use teleclay_shell::ticker::{Next, Tick, Ticker, TickerConfig};
 
+use crate::attachment::{Attachment, Heard};
 use crate::brake::Brake;
 use crate::device::{Device, DeviceCommand, DeviceError, DeviceRequest};
 use crate::refresh::Wishes;
-use crate::seat::{Heard, Seat};
 
 /// Records that may wait for whoever reads them: four seconds of ticks.
 const RECORDS_WAITING: usize = 4096;
@@ -43,7 +43,7 @@ const DISCARDED_WAITING: usize = 16;
 /// What the tick is told to do.
 pub(crate) enum Order {
     /// Goes on under another lease, once the handle is at rest.
-    Take(Box<Seat>),
+    Attach(Box<Attachment>),
     /// Other parameters from now on, under this lease: tool, place or clay, and which frames are left out.
     Move {
         lease: u32,
@@ -60,7 +60,7 @@ pub(crate) enum Order {
 
 /// What the tick is done with; to be dropped where that costs no tick.
 pub(crate) enum Discarded {
-    Seat { _seat: Box<Seat> },
+    Attachment { _attachment: Box<Attachment> },
     ToolSetup { _setup: Arc<ToolSetup> },
     Snapshot { _snapshot: Snapshot },
     Retired { _retired: Retired },
@@ -120,8 +120,8 @@ pub(crate) struct Ends {
 pub(crate) struct Engine {
     tick_s: f64,
     device: Box<dyn Device>,
-    seat: Box<Seat>,
-    next: Option<Box<Seat>>,
+    attachment: Box<Attachment>,
+    next: Option<Box<Attachment>>,
     brake: Option<Brake>,
     is_leaving: bool,
     /// The last command and how far it was from the one before, m.
@@ -136,22 +136,22 @@ pub(crate) struct Engine {
 }
 
 impl Engine {
-    /// A device at rest and the first seat, taken at `now`.
+    /// A device at rest and the first attachment, taken at `now`.
     pub(crate) fn new(
         now: Timestamp,
         tick_s: f64,
         device: Box<dyn Device>,
-        mut seat: Box<Seat>,
+        mut attachment: Box<Attachment>,
     ) -> (Self, Ends) {
         let (orders_in, orders) = RingBuffer::new(ORDERS_WAITING);
         let (records, records_out) = RingBuffer::new(RECORDS_WAITING);
         let (discarded, discarded_out) = RingBuffer::new(DISCARDED_WAITING);
         let (failures, failures_out) = RingBuffer::new(1);
-        seat.take(now);
+        attachment.take(now);
         let engine = Self {
             tick_s,
             device,
-            seat,
+            attachment,
             next: None,
             brake: None,
             is_leaving: false,
@@ -204,9 +204,9 @@ impl Engine {
     fn tick(&mut self, now: Timestamp) -> Result<Record, DeviceError> {
         self.take_orders(now);
         let sample = self.device.sample()?;
-        let heard = self.seat.listen();
-        let step = self.seat.step(now, &sample);
-        if self.is_leaving || self.next.is_some() || self.seat.side.fault().is_some() {
+        let heard = self.attachment.listen();
+        let step = self.attachment.step(now, &sample);
+        if self.is_leaving || self.next.is_some() || self.attachment.side.fault().is_some() {
             self.start_brake();
         }
         let mut mode = Mode::Coupled;
@@ -226,9 +226,9 @@ impl Engine {
         if mode == Mode::Coupled || self.last_command.is_some() {
             self.command(&command)?;
         }
-        // The lease of a seat that is about to be given up is over.
+        // The lease of an attachment that is about to be given up is over.
         if self.next.is_none() {
-            self.seat.send();
+            self.attachment.send();
         }
         self.request = self.request.or_else(|| self.device.poll_request());
         let record = Record {
@@ -236,29 +236,29 @@ impl Engine {
             lateness_ns: 0,
             given_up: 0,
             work_ns: 0,
-            lease: self.seat.lease,
+            lease: self.attachment.lease,
             mode,
             link_state: step.link_state,
-            silence_ns: self.seat.silence_ns(now),
-            echo_age_ns: self.seat.echo_age_ns(now),
+            silence_ns: self.attachment.silence_ns(now),
+            echo_age_ns: self.attachment.echo_age_ns(now),
             heard,
             sample,
             felt_force_n: command.force_n,
-            arrivals: self.seat.side.arrivals(),
-            lost_on_the_way_out: self.seat.lost_on_the_way_out(),
-            scheme: self.seat.side.scheme(),
-            copy: self.seat.side.frame().copy,
-            corrections: self.seat.side.frame().corrections,
+            arrivals: self.attachment.side.arrivals(),
+            lost_on_the_way_out: self.attachment.lost_on_the_way_out(),
+            scheme: self.attachment.side.scheme(),
+            copy: self.attachment.side.frame().copy,
+            corrections: self.attachment.side.frame().corrections,
             wishes: Wishes {
-                revision: self.seat.side.revision(),
-                snapshot: self.seat.side.wanted_snapshot(),
+                revision: self.attachment.side.revision(),
+                snapshot: self.attachment.side.wanted_snapshot(),
             },
-            fault: self.seat.side.fault(),
+            fault: self.attachment.side.fault(),
             request: self.request,
             robot: self.device.robot(),
         };
         if mode == Mode::Resting {
-            self.change_seats(now);
+            self.change_attachments(now);
         }
         self.discard_retired();
         Ok(record)
@@ -271,11 +271,13 @@ impl Engine {
             match order {
                 Order::Leave => {
                     self.is_leaving = true;
-                    self.seat.side.leave();
+                    self.attachment.side.leave();
                 }
-                Order::Take(seat) => {
-                    if let Some(overtaken) = self.next.replace(seat) {
-                        self.discard(Discarded::Seat { _seat: overtaken });
+                Order::Attach(attachment) => {
+                    if let Some(overtaken) = self.next.replace(attachment) {
+                        self.discard(Discarded::Attachment {
+                            _attachment: overtaken,
+                        });
                     }
                 }
                 Order::Move {
@@ -283,18 +285,18 @@ impl Engine {
                     setup,
                     deadband,
                 } => {
-                    let before = if lease == self.seat.lease {
-                        let set = self.seat.side.set_deadband(deadband);
+                    let before = if lease == self.attachment.lease {
+                        let set = self.attachment.side.set_deadband(deadband);
                         debug_assert!(set.is_ok(), "parameters are checked where they come in");
-                        self.seat.side.move_to(setup)
+                        self.attachment.side.move_to(setup)
                     } else {
                         setup
                     };
                     self.discard(Discarded::ToolSetup { _setup: before });
                 }
                 Order::LoadSnapshot { lease, snapshot } => {
-                    let unused = if lease == self.seat.lease {
-                        self.seat.side.on_snapshot(snapshot)
+                    let unused = if lease == self.attachment.lease {
+                        self.attachment.side.on_snapshot(snapshot)
                     } else {
                         Some(snapshot)
                     };
@@ -305,8 +307,8 @@ impl Engine {
                     }
                 }
                 Order::Release { lease } => {
-                    if lease == self.seat.lease {
-                        self.seat.side.on_peer_gone(now);
+                    if lease == self.attachment.lease {
+                        self.attachment.side.on_peer_gone(now);
                     }
                 }
             }
@@ -320,7 +322,7 @@ impl Engine {
                 position_m,
                 step_m,
                 self.tick_s,
-                self.seat.ramp_s,
+                self.attachment.ramp_s,
             ));
         }
     }
@@ -342,17 +344,18 @@ impl Engine {
         self.device.command(command)
     }
 
-    /// Takes the next seat, if one waits: the handle is at rest, and the new loop starts from where it stands.
-    fn change_seats(&mut self, now: Timestamp) {
-        if self.is_leaving || self.seat.side.fault().is_some() || self.discarded.slots() == 0 {
+    /// Takes the next attachment, if one waits: the handle is at rest, and the new loop starts from where it stands.
+    fn change_attachments(&mut self, now: Timestamp) {
+        if self.is_leaving || self.attachment.side.fault().is_some() || self.discarded.slots() == 0
+        {
             return;
         }
-        let Some(mut seat) = self.next.take() else {
+        let Some(mut attachment) = self.next.take() else {
             return;
         };
-        seat.take(now);
-        let left = std::mem::replace(&mut self.seat, seat);
-        self.discard(Discarded::Seat { _seat: left });
+        attachment.take(now);
+        let left = std::mem::replace(&mut self.attachment, attachment);
+        self.discard(Discarded::Attachment { _attachment: left });
         self.brake = None;
         self.offset_m = None;
     }
@@ -360,7 +363,7 @@ impl Engine {
     /// What the loop is done with, as long as there is room for it elsewhere.
     fn discard_retired(&mut self) {
         while 0 < self.discarded.slots() {
-            let Some(retired) = self.seat.side.take_retired() else {
+            let Some(retired) = self.attachment.side.take_retired() else {
                 return;
             };
             self.discard(Discarded::Retired { _retired: retired });

@@ -9,7 +9,7 @@
 //! | [`event`], [`status`] | what it tells on the way |
 //! | [`recording`] | every tick in a file |
 //!
-//! Within, `engine` is the tick; `seat` is one lease as the tick holds it, and `line` the network's end of the same lease; `outbox` carries
+//! Within, `engine` is the tick; `attachment` is one lease as the tick holds it, and `line` the network's end of the same lease; `outbox` carries
 //! frames from the one to the other; `brake` brings the handle to rest when loops are exchanged; `join` asks the server;
 //! `singularity` tells when a robot comes near one.
 //!
@@ -29,12 +29,12 @@ mod refresh;
 pub mod run;
 pub mod status;
 
+mod attachment;
 mod brake;
 mod engine;
 mod join;
 mod line;
 mod outbox;
-mod seat;
 mod singularity;
 
 pub use join::JoinError;

@@ -16,9 +16,9 @@ use zenoh::pubsub::Subscriber;
 use zenoh::sample::{Sample, SampleKind};
 use zenoh::{Session, Wait};
 
+use crate::attachment::{Arrived, Attachment};
 use crate::join::Welcome;
 use crate::outbox::Sender;
-use crate::seat::{Arrived, Seat};
 
 /// Why a lease cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -73,7 +73,7 @@ pub(crate) struct Line {
 }
 
 impl Line {
-    /// Declares everything, and gives the seat for the tick. `gone` gets the lease when the server goes: a process that dies takes its connections
+    /// Declares everything, and gives the attachment for the tick. `gone` gets the lease when the server goes: a process that dies takes its connections
     /// with it, and that is seen at once. One that no longer answers is not seen so; silence tells of it.
     ///
     /// # Errors
@@ -84,7 +84,7 @@ impl Line {
         clock: Clock,
         welcome: Box<Welcome>,
         gone: UnboundedSender<u32>,
-    ) -> Result<(Self, Box<Seat>), LineError> {
+    ) -> Result<(Self, Box<Attachment>), LineError> {
         let Welcome { keys, granted } = &*welcome;
         let (congestion, priority, express, reliability) = CONTROL_QOS;
         let up = control
@@ -96,7 +96,7 @@ impl Line {
             .await
             .map_err(zenoh_error)?;
         let (outbox, sender) = Sender::spawn(clock, move |bytes| up.put(bytes).wait().is_ok())?;
-        let (seat, arriving) = Seat::new(granted, outbox)?;
+        let (attachment, arriving) = Attachment::new(granted, outbox)?;
         let rejected = Arc::new(Rejected::default());
         let arrivals = Arrivals {
             clock,
@@ -143,7 +143,7 @@ impl Line {
                 _alive: alive,
                 _presence: presence,
             },
-            seat,
+            attachment,
         ))
     }
 

@@ -478,8 +478,8 @@ fn quantiles(histogram: &Histogram<u64>) -> Quantiles {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::attachment::Heard;
     use crate::engine::sample_record;
-    use crate::seat::Heard;
 
     fn record(lease: u32, lateness_ns: u64, received: u64) -> Record {
         Record {

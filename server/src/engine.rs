@@ -160,12 +160,12 @@ pub(crate) enum Order {
     Remove {
         session: u32,
     },
-    Seat {
+    Attach {
         session: u32,
         place: usize,
         side: Box<ToolSide>,
     },
-    Vacate {
+    Detach {
         session: u32,
         place: usize,
         lease: u32,
@@ -369,7 +369,7 @@ impl Engine {
                     _session: self.running.swap_remove(index),
                 })
             }
-            Order::Seat {
+            Order::Attach {
                 session,
                 place,
                 side,
@@ -379,10 +379,10 @@ impl Engine {
                 };
                 running
                     .session
-                    .seat(place, side)
+                    .attach(place, side)
                     .map(|side| Discarded::Side { _side: side })
             }
-            Order::Vacate {
+            Order::Detach {
                 session,
                 place,
                 lease,
@@ -397,7 +397,7 @@ impl Engine {
                 }
                 running
                     .session
-                    .vacate(place)
+                    .detach(place)
                     .map(|side| Discarded::Side { _side: side })
             }
             Order::ReplaceClay { session, mut fresh } => {

@@ -203,18 +203,18 @@ impl Rig {
             };
             (parameters, further.intent)
         });
-        let seats: Vec<_> = std::iter::once((parameters, intent))
+        let operators: Vec<_> = std::iter::once((parameters, intent))
             .chain(others)
             .collect();
-        let mut hands = Vec::with_capacity(seats.len());
-        let mut sides = Vec::with_capacity(seats.len());
-        for (lease, (parameters, intent)) in (1..).zip(seats) {
+        let mut hands = Vec::with_capacity(operators.len());
+        let mut sides = Vec::with_capacity(operators.len());
+        for (lease, (parameters, intent)) in (1..).zip(operators) {
             hands.push(Hand::new(&parameters, intent, lease, &clay)?);
             sides.push(Box::new(ToolSide::new(&parameters, lease)?));
         }
         let mut session = SessionLoop::new(clay.clone(), material, hands.len(), &lines);
         for (place, side) in sides.into_iter().enumerate() {
-            session.seat(place, side);
+            session.attach(place, side);
         }
         let tick = Duration::from_secs_f64(parameters.tick_s);
         Ok(Self {
@@ -248,7 +248,7 @@ impl Rig {
             .step(now, |place, frame| hands[place].inbox.push(*frame));
         let tick_s = self.tick.as_secs_f64();
         for (place, hand) in self.hands.iter_mut().enumerate() {
-            let tool = self.session.side(place).expect(SEATED);
+            let tool = self.session.side(place).expect(ATTACHED);
             if let Some(frame) = tool.frame_to_send() {
                 hand.received_from.frames += 1;
                 hand.received_from.bytes += frame.encoded_len() as u64;
@@ -311,7 +311,7 @@ impl Rig {
     pub fn code_perceptually(&mut self, settings: DeadbandSettings) -> Result<(), DeadbandError> {
         for (place, hand) in self.hands.iter_mut().enumerate() {
             hand.handle.code_perceptually(settings)?;
-            let side = self.session.side_mut(place).expect(SEATED);
+            let side = self.session.side_mut(place).expect(ATTACHED);
             side.code_perceptually(settings)?;
         }
         Ok(())
@@ -439,12 +439,12 @@ impl Rig {
 
     /// The first operator's tool side.
     pub fn tool(&self) -> &ToolSide {
-        self.session.side(0).expect(SEATED)
+        self.session.side(0).expect(ATTACHED)
     }
 }
 
 const MOST_HANDS: usize = 8;
-const SEATED: &str = "the rig never vacates a place";
+const ATTACHED: &str = "the rig never detaches a tool";
 
 fn axes_of(parameters: &LoopParameters) -> Axes {
     match parameters.axes {

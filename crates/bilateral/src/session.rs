@@ -145,7 +145,7 @@ impl SessionLoop {
     }
 
     /// Gives `place` to an operator. Returns who held it, to be dropped elsewhere.
-    pub fn seat(&mut self, place: usize, mut side: Box<ToolSide>) -> Option<Box<ToolSide>> {
+    pub fn attach(&mut self, place: usize, mut side: Box<ToolSide>) -> Option<Box<ToolSide>> {
         side.take_up(self.generation);
         let place = self.places.get_mut(place)?;
         place.up.clear();
@@ -154,7 +154,7 @@ impl SessionLoop {
     }
 
     /// Takes `place` from its operator.
-    pub fn vacate(&mut self, place: usize) -> Option<Box<ToolSide>> {
+    pub fn detach(&mut self, place: usize) -> Option<Box<ToolSide>> {
         let place = self.places.get_mut(place)?;
         place.up.clear();
         place.down.clear();

@@ -352,7 +352,7 @@ impl ToolSide {
         std::mem::replace(&mut self.model.context.setup, setup)
     }
 
-    /// The parameters have this revision now, and the scheme works on this block; for a tool that was just seated.
+    /// The parameters have this revision now, and the scheme works on this block; for a tool that was just attached.
     pub fn take_up(&mut self, generation: Generation) {
         self.frame.header.revision = generation.since_revision;
         self.frame.header.clay_epoch = generation.epoch;

@@ -15,8 +15,8 @@ use teleclay_proto::http::ClayShape;
 use teleclay_proto::join::{ClayDescription, Granted, LoopParameters};
 
 use super::*;
+use crate::attachment::Arrived;
 use crate::outbox::Sender;
-use crate::seat::Arrived;
 
 const TICK_S: f64 = 1e-3;
 const TICK: Duration = Duration::from_millis(1);
@@ -114,7 +114,7 @@ struct Tool {
     _sender: Sender,
 }
 
-fn tool(lease: u32, clock: Clock) -> (Tool, Box<Seat>) {
+fn tool(lease: u32, clock: Clock) -> (Tool, Box<Attachment>) {
     let (sent_to_network, sent) = mpsc::channel();
     let (outbox, sender) = Sender::spawn(clock, move |bytes| {
         sent_to_network
@@ -122,7 +122,7 @@ fn tool(lease: u32, clock: Clock) -> (Tool, Box<Seat>) {
             .is_ok()
     })
     .unwrap();
-    let (seat, arriving) = Seat::new(&granted(lease), outbox).unwrap();
+    let (attachment, arriving) = Attachment::new(&granted(lease), outbox).unwrap();
     let mut frame = ToolFrame {
         status: LoopStatus::Running,
         force_n: [-3.0, 0.0, 0.0],
@@ -137,7 +137,7 @@ fn tool(lease: u32, clock: Clock) -> (Tool, Box<Seat>) {
             sent,
             _sender: sender,
         },
-        seat,
+        attachment,
     )
 }
 
@@ -155,8 +155,8 @@ impl Bench {
             trouble: troubles,
         };
         let now = Timestamp::ZERO.after(TICK);
-        let (tool, seat) = tool(1, Clock::start());
-        let (engine, ends) = Engine::new(now, TICK_S, Box::new(probe), seat);
+        let (tool, attachment) = tool(1, Clock::start());
+        let (engine, ends) = Engine::new(now, TICK_S, Box::new(probe), attachment);
         Self {
             engine,
             ends,
@@ -308,12 +308,12 @@ fn another_lease_starts_where_the_handle_stands_without_a_step_of_force_or_speed
         "the handle moves at {speed} m/s when the lease comes"
     );
 
-    let (tool, seat) = tool(2, Clock::start());
+    let (tool, attachment) = tool(2, Clock::start());
     bench.tool = tool;
-    assert!(bench.ends.orders.push(Order::Take(seat)).is_ok());
+    assert!(bench.ends.orders.push(Order::Attach(attachment)).is_ok());
     let ticks = (1..).find(|_| bench.tick().lease == 2).unwrap();
     assert!(ticks <= 302, "{ticks}");
-    assert_eq!(discarded(&mut bench), ["seat"]);
+    assert_eq!(discarded(&mut bench), ["attachment"]);
     let record = bench.couple_for(200);
     assert_eq!(
         (record.mode, record.link_state, record.lease),
@@ -353,7 +353,7 @@ fn leaving_says_so_in_every_frame_and_ends_at_rest_without_force() {
         "{force_n} N, {velocity_m_s} m/s"
     );
     assert_eq!(
-        bench.engine.seat.side.frame().engagement,
+        bench.engine.attachment.side.frame().engagement,
         Engagement::Leaving
     );
 }
@@ -384,8 +384,8 @@ fn a_blind_device_is_held_where_it_was_and_never_told_nonsense() {
     let stopped_after_m = told.last().unwrap().1.position_m[0] - before.1.position_m[0];
     assert!(stopped_after_m.abs() < 0.01, "{stopped_after_m} m");
     // A lease that comes now changes nothing: a fault ends the run.
-    let (_, seat) = tool(2, Clock::start());
-    assert!(bench.ends.orders.push(Order::Take(seat)).is_ok());
+    let (_, attachment) = tool(2, Clock::start());
+    assert!(bench.ends.orders.push(Order::Attach(attachment)).is_ok());
     assert_eq!(bench.couple_for(400).lease, 1);
 }
 
@@ -474,7 +474,7 @@ fn discarded(bench: &mut Bench) -> Vec<&'static str> {
     let mut kinds = Vec::new();
     while let Ok(done_with) = bench.ends.discarded.pop() {
         kinds.push(match done_with {
-            Discarded::Seat { .. } => "seat",
+            Discarded::Attachment { .. } => "attachment",
             Discarded::ToolSetup { .. } => "tool setup",
             Discarded::Snapshot { .. } => "snapshot",
             Discarded::Retired { .. } => "retired",

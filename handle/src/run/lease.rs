@@ -44,17 +44,17 @@ impl Run {
     }
 
     /// Takes a lease into use: by the running device when it fits, by a newly opened one when not.
-    pub(super) async fn sit(&mut self, welcome: Box<Welcome>) -> Result<(), Failure> {
+    pub(super) async fn attach(&mut self, welcome: Box<Welcome>) -> Result<(), Failure> {
         let (keys, lease) = (welcome.keys.clone(), welcome.granted.lease);
-        let sat = self.try_to_sit(welcome).await;
-        if sat.is_err() {
+        let attached = self.try_to_attach(welcome).await;
+        if attached.is_err() {
             // A lease that nobody will use should not hold the tool.
             join::leave(&self.control, &keys, lease).await;
         }
-        sat
+        attached
     }
 
-    async fn try_to_sit(&mut self, welcome: Box<Welcome>) -> Result<(), Failure> {
+    async fn try_to_attach(&mut self, welcome: Box<Welcome>) -> Result<(), Failure> {
         let setup = DeviceSetup::of(&welcome.granted);
         let parameters = welcome.granted.parameters;
         let joined = Event::Joined {
@@ -74,7 +74,7 @@ impl Run {
         // The old line first: it may use the same keys.
         self.line = None;
         let gone = self.gone.0.clone();
-        let (line, seat) = Line::open(&self.control, slow, self.clock, welcome, gone).await?;
+        let (line, attachment) = Line::open(&self.control, slow, self.clock, welcome, gone).await?;
         self.refreshing = None;
         self.revision = parameters.revision;
         self.tally.on_lease(line.welcome.granted.lease);
@@ -89,7 +89,7 @@ impl Run {
         if let Some(mut rig) = fitting {
             rig.ends
                 .orders
-                .push(Order::Take(seat))
+                .push(Order::Attach(attachment))
                 .map_err(|_| Failure::ThreadEnded)?;
             self.rig = Some(rig);
             return Ok(());
@@ -97,7 +97,7 @@ impl Run {
         let device = (self.options.open_device)(&setup).map_err(Failure::Open)?;
         let name = device.name().to_owned();
         let now = Timestamp::from_nanos(self.clock.now_ns());
-        let (engine, ends) = Engine::new(now, setup.tick_s, device, seat);
+        let (engine, ends) = Engine::new(now, setup.tick_s, device, attachment);
         let period = Duration::from_secs_f64(setup.tick_s);
         let config = TickerConfig {
             name: "handle-tick",

@@ -216,7 +216,7 @@ impl Run {
                     self.searching = None;
                     let welcome = welcome
                         .map_err(|source| Failure::Join { session: self.options.session.clone(), source })?;
-                    self.sit(welcome).await?;
+                    self.attach(welcome).await?;
                 }
                 reply = finished(&mut self.freshening) => {
                     self.freshening = None;

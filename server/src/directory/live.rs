@@ -264,7 +264,7 @@ impl Live {
         );
         // A loop that does not answer has worse troubles, and says so elsewhere.
         let _ = self
-            .order(Order::Vacate {
+            .order(Order::Detach {
                 session: self.shared.number,
                 place,
                 lease,
@@ -277,7 +277,7 @@ impl Live {
         request: &JoinRequest,
         inner: &Inner,
     ) -> Result<Granted, (RefusalCode, String)> {
-        // From the parameters that the tool is made with to its seat: nobody changes them meanwhile.
+        // From the parameters that the tool is made with to its attachment: nobody changes them meanwhile.
         let _one_at_a_time = self.shared.changes.lock().await;
         if let Some(field) = self.shared.last_record().fault {
             let reason =
@@ -300,12 +300,12 @@ impl Live {
         let unavailable = |reason: String| (RefusalCode::ShuttingDown, reason);
         let side = ToolSide::new(&loop_parameters, lease)
             .map_err(|error: ParameterError| unavailable(error.to_string()))?;
-        let seat = Order::Seat {
+        let attach = Order::Attach {
             session: self.shared.number,
             place,
             side: Box::new(side),
         };
-        if let Err(error) = self.order(seat).await {
+        if let Err(error) = self.order(attach).await {
             self.shared.settings().places[place] = None;
             return Err(unavailable(error.to_string()));
         }

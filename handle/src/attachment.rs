@@ -28,7 +28,7 @@ pub(crate) struct Heard {
 }
 
 /// One lease.
-pub(crate) struct Seat {
+pub(crate) struct Attachment {
     pub(crate) lease: u32,
     pub(crate) side: HandleSide,
     pub(crate) ramp_s: f64,
@@ -40,7 +40,7 @@ pub(crate) struct Seat {
     lost_on_the_way_out: u64,
 }
 
-impl Seat {
+impl Attachment {
     /// A handle side at rest, under the lease. Frames that arrive go into the producer.
     ///
     /// # Errors
@@ -50,7 +50,7 @@ impl Seat {
         outbox: Outbox,
     ) -> Result<(Box<Self>, Producer<Arrived>), ParameterError> {
         let (arriving, inbox) = RingBuffer::new(WAITING);
-        let seat = Self {
+        let attachment = Self {
             lease: granted.lease,
             side: HandleSide::new(&granted.parameters, granted.lease)?,
             ramp_s: granted.parameters.ramp_s,
@@ -61,10 +61,10 @@ impl Seat {
             echoed_at: Timestamp::ZERO,
             lost_on_the_way_out: 0,
         };
-        Ok((Box::new(seat), arriving))
+        Ok((Box::new(attachment), arriving))
     }
 
-    /// The seat is taken at `now`: silence counts from here.
+    /// The attachment is taken at `now`: silence counts from here.
     pub(crate) fn take(&mut self, now: Timestamp) {
         self.heard_at = now;
         self.echoed_at = now;
