@@ -37,7 +37,7 @@ const LONGEST_ANSWER: usize = 64 * 1024;
 
 /// Whom to ask, and what for.
 #[derive(Clone, Debug)]
-pub(crate) struct Invitation {
+pub(crate) struct JoinTarget {
     pub(crate) node: Option<NodeName>,
     pub(crate) session: SessionId,
     pub(crate) request: JoinRequest,
@@ -45,7 +45,7 @@ pub(crate) struct Invitation {
 
 /// A lease, and where it holds.
 #[derive(Clone, Debug)]
-pub(crate) struct Welcome {
+pub(crate) struct JoinGrant {
     pub(crate) keys: SessionKeys,
     pub(crate) granted: Granted,
 }
@@ -84,10 +84,10 @@ pub enum JoinError {
 /// A server refuses, or answers nonsense.
 pub(crate) async fn search(
     control: Session,
-    invitation: Invitation,
+    target: JoinTarget,
     old: Option<OldLease>,
     events: UnboundedSender<Event>,
-) -> Result<Box<Welcome>, JoinError> {
+) -> Result<Box<JoinGrant>, JoinError> {
     let began = Instant::now();
     let patience = old
         .as_ref()
@@ -98,8 +98,8 @@ pub(crate) async fn search(
         if let Some(old) = &old {
             leave(&control, &old.keys, old.lease).await;
         }
-        match ask(&control, &invitation).await {
-            Some(Ok(welcome)) => return Ok(welcome),
+        match ask(&control, &target).await {
+            Some(Ok(grant)) => return Ok(grant),
             Some(Err(error)) => {
                 let since: &mut Instant = refused_since.get_or_insert_with(Instant::now);
                 let may_pass = match &error {
@@ -124,7 +124,7 @@ pub(crate) async fn search(
             let nodes = nodes(&control).await;
             // Whoever listened has gone: then nobody needs to know.
             let _ = events.send(Event::Waiting {
-                session: invitation.session.clone(),
+                session: target.session.clone(),
                 nodes,
             });
         }
@@ -168,27 +168,24 @@ pub(crate) async fn fresh(
 }
 
 /// Asks once; `None` when nobody answers.
-async fn ask(
-    control: &Session,
-    invitation: &Invitation,
-) -> Option<Result<Box<Welcome>, JoinError>> {
-    let Invitation {
+async fn ask(control: &Session, target: &JoinTarget) -> Option<Result<Box<JoinGrant>, JoinError>> {
+    let JoinTarget {
         node,
         session,
         request,
-    } = invitation;
+    } = target;
     let key = match node {
         Some(node) => SessionKeys::new(node.clone(), session.clone()).join(),
         None => format!("teleclay/*/session/{session}/{}", Leaf::Join),
     };
     let answers = query::<JoinReply>(control, &key, request, JOIN_TIMEOUT).await;
-    let mut welcome = None;
+    let mut grant = None;
     let mut error = None;
     for Answer { key, body } in answers {
         match body {
             Ok(JoinReply::Granted(granted)) => match key.parse() {
-                Ok(Key::Session(keys, Leaf::Join)) if welcome.is_none() => {
-                    welcome = Some(Box::new(Welcome {
+                Ok(Key::Session(keys, Leaf::Join)) if grant.is_none() => {
+                    grant = Some(Box::new(JoinGrant {
                         keys,
                         granted: *granted,
                     }));
@@ -209,7 +206,7 @@ async fn ask(
             Err(reason) => error = error.or_else(|| Some(unusable(reason))),
         }
     }
-    welcome.map(Ok).or(error.map(Err))
+    grant.map(Ok).or(error.map(Err))
 }
 
 /// The servers that are there.

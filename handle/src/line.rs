@@ -17,7 +17,7 @@ use zenoh::sample::{Sample, SampleKind};
 use zenoh::{Session, Wait};
 
 use crate::attachment::{Arrived, Attachment};
-use crate::join::Welcome;
+use crate::join::JoinGrant;
 use crate::outbox::Sender;
 
 /// Why a lease cannot be used.
@@ -64,7 +64,7 @@ impl Rejected {
 
 /// The network's end of one lease. Dropping it ends the frames both ways.
 pub(crate) struct Line {
-    pub(crate) welcome: Box<Welcome>,
+    pub(crate) grant: Box<JoinGrant>,
     rejected: Arc<Rejected>,
     sender: Sender,
     _down: Subscriber<()>,
@@ -82,10 +82,10 @@ impl Line {
         control: &Session,
         slow: &Session,
         clock: Clock,
-        welcome: Box<Welcome>,
+        grant: Box<JoinGrant>,
         gone: UnboundedSender<u32>,
     ) -> Result<(Self, Box<Attachment>), LineError> {
-        let Welcome { keys, granted } = &*welcome;
+        let JoinGrant { keys, granted } = &*grant;
         let (congestion, priority, express, reliability) = CONTROL_QOS;
         let up = control
             .declare_publisher(keys.tool_up(granted.tool))
@@ -136,7 +136,7 @@ impl Line {
             .map_err(zenoh_error)?;
         Ok((
             Self {
-                welcome,
+                grant,
                 rejected,
                 sender,
                 _down: down,

@@ -13,13 +13,13 @@ use super::{Failure, Rig, Run, close};
 use crate::device::DeviceSetup;
 use crate::engine::{Engine, Order};
 use crate::event::Event;
-use crate::join::{self, Invitation, OldLease, Welcome};
+use crate::join::{self, JoinGrant, JoinTarget, OldLease};
 use crate::line::Line;
 
 impl Run {
     /// Asks for a lease until one is granted; for the old one, if there was one.
     pub(super) fn search(&mut self) {
-        let invitation = Invitation {
+        let target = JoinTarget {
             node: self.options.node.clone(),
             session: self.options.session.clone(),
             request: JoinRequest {
@@ -30,23 +30,23 @@ impl Run {
             },
         };
         let old = self.line.as_ref().map(|line| OldLease {
-            keys: line.welcome.keys.clone(),
-            lease: line.welcome.granted.lease,
-            lease_s: line.welcome.granted.lease_s,
+            keys: line.grant.keys.clone(),
+            lease: line.grant.granted.lease,
+            lease_s: line.grant.granted.lease_s,
         });
         self.searching_since = Instant::now();
         self.searching = Some(Box::pin(join::search(
             self.control.clone(),
-            invitation,
+            target,
             old,
             self.events.clone(),
         )));
     }
 
     /// Takes a lease into use: by the running device when it fits, by a newly opened one when not.
-    pub(super) async fn attach(&mut self, welcome: Box<Welcome>) -> Result<(), Failure> {
-        let (keys, lease) = (welcome.keys.clone(), welcome.granted.lease);
-        let attached = self.try_to_attach(welcome).await;
+    pub(super) async fn attach(&mut self, grant: Box<JoinGrant>) -> Result<(), Failure> {
+        let (keys, lease) = (grant.keys.clone(), grant.granted.lease);
+        let attached = self.try_to_attach(grant).await;
         if attached.is_err() {
             // A lease that nobody will use should not hold the tool.
             join::leave(&self.control, &keys, lease).await;
@@ -54,30 +54,30 @@ impl Run {
         attached
     }
 
-    async fn try_to_attach(&mut self, welcome: Box<Welcome>) -> Result<(), Failure> {
-        let setup = DeviceSetup::of(&welcome.granted);
-        let parameters = welcome.granted.parameters;
+    async fn try_to_attach(&mut self, grant: Box<JoinGrant>) -> Result<(), Failure> {
+        let setup = DeviceSetup::of(&grant.granted);
+        let parameters = grant.granted.parameters;
         let joined = Event::Joined {
-            node: welcome.keys.node().clone(),
-            session: welcome.keys.session().clone(),
-            tool: welcome.granted.tool,
-            lease: welcome.granted.lease,
+            node: grant.keys.node().clone(),
+            session: grant.keys.session().clone(),
+            tool: grant.granted.tool,
+            lease: grant.granted.lease,
             scheme: parameters.scheme,
             after_s: self
                 .lost_at
                 .take()
                 .map(|lost_at| lost_at.elapsed().as_secs_f64()),
         };
-        self.open_slow(welcome.granted.slow_endpoint.as_deref())
+        self.open_slow(grant.granted.slow_endpoint.as_deref())
             .await?;
         let (_, slow) = self.slow.as_ref().expect("it was opened in the line above");
         // The old line first: it may use the same keys.
         self.line = None;
         let gone = self.gone.0.clone();
-        let (line, attachment) = Line::open(&self.control, slow, self.clock, welcome, gone).await?;
+        let (line, attachment) = Line::open(&self.control, slow, self.clock, grant, gone).await?;
         self.refreshing = None;
         self.revision = parameters.revision;
-        self.tally.on_lease(line.welcome.granted.lease);
+        self.tally.on_lease(line.grant.granted.lease);
         self.line = Some(line);
         self.tell(joined);
 

@@ -28,7 +28,7 @@ use zenoh::Session;
 use crate::device::{Device, DeviceError, DeviceSetup};
 use crate::engine::{Ends, Mode, Order};
 use crate::event::Event;
-use crate::join::{self, JoinError, Welcome};
+use crate::join::{self, JoinError, JoinGrant};
 use crate::line::Line;
 use crate::recording::Recording;
 use crate::refresh::Fresh;
@@ -122,7 +122,7 @@ pub async fn run(options: Options, mut until: Until, events: UnboundedSender<Eve
     Ending { summary, outcome }
 }
 
-type Searching = Pin<Box<dyn Future<Output = Result<Box<Welcome>, JoinError>> + Send>>;
+type Searching = Pin<Box<dyn Future<Output = Result<Box<JoinGrant>, JoinError>> + Send>>;
 type Refreshing = Pin<Box<dyn Future<Output = Result<Fresh, String>> + Send>>;
 type Freshening = Pin<Box<dyn Future<Output = Result<FreshReply, String>> + Send>>;
 
@@ -212,11 +212,11 @@ impl Run {
             tokio::select! {
                 biased;
                 () = end(until) => return self.judge_the_end(*until.stop.borrow()),
-                welcome = finished(&mut self.searching) => {
+                grant = finished(&mut self.searching) => {
                     self.searching = None;
-                    let welcome = welcome
+                    let grant = grant
                         .map_err(|source| Failure::Join { session: self.options.session.clone(), source })?;
-                    self.attach(welcome).await?;
+                    self.attach(grant).await?;
                 }
                 reply = finished(&mut self.freshening) => {
                     self.freshening = None;
@@ -276,7 +276,7 @@ impl Run {
         }
         self.rig = None;
         if let Some(line) = self.line.take() {
-            let Welcome { keys, granted } = &*line.welcome;
+            let JoinGrant { keys, granted } = &*line.grant;
             join::leave(&self.control, keys, granted.lease).await;
         }
         outcome

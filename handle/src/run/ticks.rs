@@ -9,7 +9,7 @@ use super::{Failure, Run};
 use crate::device::DeviceRequest;
 use crate::engine::{Order, Record};
 use crate::event::Event;
-use crate::join::{self, Welcome};
+use crate::join::{self, JoinGrant};
 use crate::refresh::{self, Fresh, Wishes};
 
 /// Without frames for this long a lease counts as lost. Shorter gaps mend themselves.
@@ -88,7 +88,7 @@ impl Run {
         let is_current = self
             .line
             .as_ref()
-            .is_some_and(|line| line.welcome.granted.lease == record.lease);
+            .is_some_and(|line| line.grant.granted.lease == record.lease);
         if !is_current {
             return Ok(());
         }
@@ -126,7 +126,7 @@ impl Run {
         self.refreshing_for = lease;
         self.refreshing = Some(Box::pin(refresh::refresh(
             slow.clone(),
-            line.welcome.keys.clone(),
+            line.grant.keys.clone(),
             self.revision,
             wishes,
         )));
@@ -172,7 +172,7 @@ impl Run {
         let is_current = self
             .line
             .as_ref()
-            .is_some_and(|line| line.welcome.granted.lease == lease);
+            .is_some_and(|line| line.grant.granted.lease == lease);
         // A token also goes when Zenoh gives up a line that has long been silent. A process that dies is seen at once.
         let was_heard = self.silence < HEARD_WITHIN;
         if !is_current || self.is_leaving || !was_heard {
@@ -225,7 +225,7 @@ impl Run {
                 let silence_s = self
                     .line
                     .as_ref()
-                    .map_or(0.0, |line| line.welcome.granted.parameters.silence_s);
+                    .map_or(0.0, |line| line.grant.granted.parameters.silence_s);
                 self.tell(if record.link_state == LinkState::Silent {
                     Event::Silent { silence_s }
                 } else {
@@ -242,7 +242,7 @@ impl Run {
         let (Some(line), Some((_, slow)), None) = (&self.line, &self.slow, &self.freshening) else {
             return;
         };
-        let Welcome { keys, granted } = &*line.welcome;
+        let JoinGrant { keys, granted } = &*line.grant;
         self.freshening = Some(Box::pin(join::fresh(
             slow.clone(),
             keys.clone(),
