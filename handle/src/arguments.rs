@@ -11,7 +11,7 @@ use teleclay_shell::network::check_endpoint;
 use teleclay_shell::ticker::Scheduling;
 
 use crate::device::DeviceKind;
-use crate::intent::{WaypointsError, Wish, parse_triple, parse_waypoints};
+use crate::intent::{Intent, WaypointsError, parse_triple, parse_waypoints};
 use crate::run::EXIT_CODES;
 
 /// Most of a wait that can be spun, us: the whole of it.
@@ -130,7 +130,7 @@ impl IntentName {
 
 /// Why an intent cannot be made of its options.
 #[derive(Debug, thiserror::Error)]
-pub enum WishError {
+pub enum IntentOptionError {
     /// An option is missing.
     #[error("--intent {intent} needs {option}")]
     Missing {
@@ -181,7 +181,7 @@ impl Arguments {
     ///
     /// # Errors
     /// As clap words them; asking for help or the version is one too.
-    pub fn read() -> Result<(Self, Wish), clap::Error> {
+    pub fn read() -> Result<(Self, Intent), clap::Error> {
         Self::read_from(std::env::args_os())
     }
 
@@ -189,21 +189,21 @@ impl Arguments {
     ///
     /// # Errors
     /// As [`read`](Self::read).
-    pub fn read_from<I>(words: I) -> Result<(Self, Wish), clap::Error>
+    pub fn read_from<I>(words: I) -> Result<(Self, Intent), clap::Error>
     where
         I: IntoIterator,
         I::Item: Into<std::ffi::OsString> + Clone,
     {
         let arguments = Self::try_parse_from(words)?;
-        let wish = arguments.wish().map_err(|error| {
+        let intent = arguments.read_intent().map_err(|error| {
             let kind = match &error {
-                WishError::Missing { .. } => ErrorKind::MissingRequiredArgument,
-                WishError::Unused { .. } => ErrorKind::ArgumentConflict,
+                IntentOptionError::Missing { .. } => ErrorKind::MissingRequiredArgument,
+                IntentOptionError::Unused { .. } => ErrorKind::ArgumentConflict,
                 _ => ErrorKind::ValueValidation,
             };
             Self::command().error(kind, error)
         })?;
-        Ok((arguments, wish))
+        Ok((arguments, intent))
     }
 
     /// The operator's name: as given, or who and where this process is.
@@ -211,7 +211,7 @@ impl Arguments {
         self.operator.clone().unwrap_or_else(user_at_host)
     }
 
-    fn wish(&self) -> Result<Wish, WishError> {
+    fn read_intent(&self) -> Result<Intent, IntentOptionError> {
         let intent = self.intent.word();
         let given = [
             ("--force-n", self.force_n.is_some()),
@@ -220,46 +220,46 @@ impl Arguments {
         ];
         for (option, is_given) in given {
             match (self.intent.needs().contains(&option), is_given) {
-                (true, false) => return Err(WishError::Missing { intent, option }),
-                (false, true) => return Err(WishError::Unused { intent, option }),
+                (true, false) => return Err(IntentOptionError::Missing { intent, option }),
+                (false, true) => return Err(IntentOptionError::Unused { intent, option }),
                 _ => {}
             }
         }
         // What is needed was found above, so no default is ever taken.
         let force_n = self.force_n.unwrap_or_default();
         Ok(match self.intent {
-            IntentName::Idle => Wish::Idle,
-            IntentName::ConstantForce => Wish::ConstantForce { force_n },
-            IntentName::SensorForce => Wish::SensorForce { force_n },
-            IntentName::Sinusoid => Wish::Sinusoid {
+            IntentName::Idle => Intent::Idle,
+            IntentName::ConstantForce => Intent::ConstantForce { force_n },
+            IntentName::SensorForce => Intent::SensorForce { force_n },
+            IntentName::Sinusoid => Intent::Sinusoid {
                 amplitude_n: force_n,
                 frequency_hz: self.frequency_hz.unwrap_or_default(),
             },
-            IntentName::Trajectory => Wish::Trajectory {
+            IntentName::Trajectory => Intent::Trajectory {
                 waypoints: waypoints(self.waypoints.as_deref().unwrap_or_default())?,
             },
-            IntentName::Cutting => Wish::Cutting,
+            IntentName::Cutting => Intent::Cutting,
         })
     }
 }
 
-fn waypoints(got: &str) -> Result<Vec<teleclay_operator::Waypoint>, WishError> {
+fn waypoints(got: &str) -> Result<Vec<teleclay_operator::Waypoint>, IntentOptionError> {
     let Ok(file) = Path::new(got).metadata() else {
-        return parse_waypoints(got).map_err(|source| WishError::NeitherFileNorList {
+        return parse_waypoints(got).map_err(|source| IntentOptionError::NeitherFileNorList {
             got: got.to_owned(),
             source,
         });
     };
     let path = got.to_owned();
     if LONGEST_WAYPOINTS < file.len() {
-        return Err(WishError::TooLong {
+        return Err(IntentOptionError::TooLong {
             path,
             got: file.len(),
         });
     }
     match std::fs::read_to_string(got) {
         Ok(text) => Ok(parse_waypoints(&text)?),
-        Err(source) => Err(WishError::File { path, source }),
+        Err(source) => Err(IntentOptionError::File { path, source }),
     }
 }
 
@@ -330,7 +330,7 @@ mod tests {
     use super::*;
     use teleclay_operator::Waypoint;
 
-    fn read(words: &[&str]) -> Result<(Arguments, Wish), String> {
+    fn read(words: &[&str]) -> Result<(Arguments, Intent), String> {
         let words = ["teleclay-handle"].iter().chain(words);
         Arguments::read_from(words).map_err(|error| error.to_string())
     }
@@ -342,12 +342,12 @@ mod tests {
 
     #[test]
     fn without_arguments_it_joins_the_demo_on_this_machine_and_cuts() {
-        let (arguments, wish) = read(&[]).unwrap();
+        let (arguments, intent) = read(&[]).unwrap();
         assert_eq!(arguments.connect, "tcp/127.0.0.1:7447");
         assert_eq!(arguments.session.as_str(), "demo");
         assert_eq!(
-            (arguments.device, wish),
-            (DeviceKind::Simulated, Wish::Cutting)
+            (arguments.device, intent),
+            (DeviceKind::Simulated, Intent::Cutting)
         );
         assert_eq!(arguments.seconds, None);
         assert!(is_operator(&arguments.operator_name()));
@@ -355,22 +355,22 @@ mod tests {
 
     #[test]
     fn every_intent_takes_its_numbers() {
-        let wish = |words: &[&str]| read(words).unwrap().1;
-        assert_eq!(wish(&["--intent", "idle"]), Wish::Idle);
+        let intent = |words: &[&str]| read(words).unwrap().1;
+        assert_eq!(intent(&["--intent", "idle"]), Intent::Idle);
         assert_eq!(
-            wish(&["--intent", "constant-force", "--force-n", "-2,0,0.5"]),
-            Wish::ConstantForce {
+            intent(&["--intent", "constant-force", "--force-n", "-2,0,0.5"]),
+            Intent::ConstantForce {
                 force_n: [-2.0, 0.0, 0.5]
             }
         );
         assert_eq!(
-            wish(&["--intent", "sensor-force", "--force-n=2,0,0"]),
-            Wish::SensorForce {
+            intent(&["--intent", "sensor-force", "--force-n=2,0,0"]),
+            Intent::SensorForce {
                 force_n: [2.0, 0.0, 0.0]
             }
         );
         assert_eq!(
-            wish(&[
+            intent(&[
                 "--intent",
                 "sinusoid",
                 "--force-n",
@@ -378,7 +378,7 @@ mod tests {
                 "--frequency-hz",
                 "0.5"
             ]),
-            Wish::Sinusoid {
+            Intent::Sinusoid {
                 amplitude_n: [1.0, 1.0, 0.0],
                 frequency_hz: 0.5
             }
@@ -388,8 +388,8 @@ mod tests {
             speed_m_s: 0.05,
         };
         assert_eq!(
-            wish(&["--intent", "trajectory", "--waypoints", "-0.02,0,0@0.05"]),
-            Wish::Trajectory {
+            intent(&["--intent", "trajectory", "--waypoints", "-0.02,0,0@0.05"]),
+            Intent::Trajectory {
                 waypoints: vec![corner]
             }
         );
@@ -412,7 +412,7 @@ mod tests {
         };
         assert_eq!(
             read.unwrap().1,
-            Wish::Trajectory {
+            Intent::Trajectory {
                 waypoints: vec![corner]
             }
         );

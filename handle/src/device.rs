@@ -16,7 +16,7 @@ use teleclay_proto::Axes;
 use teleclay_proto::join::Granted;
 use teleclay_proto::{ToolDescription, join::LoopParameters};
 
-use crate::intent::Wish;
+use crate::intent::Intent;
 
 pub use robot::RobotDevice;
 pub use simulated::SimulatedDevice;
@@ -188,19 +188,19 @@ impl DeviceSetup {
 /// Opens a device for a setup.
 ///
 /// # Errors
-/// The device is not there, or cannot do what is wished.
+/// The device is not there, or cannot do what is asked.
 pub fn open(
     kind: DeviceKind,
-    wish: &Wish,
+    intent: &Intent,
     setup: &DeviceSetup,
 ) -> Result<Box<dyn Device>, DeviceError> {
     match kind {
-        DeviceKind::Simulated => Ok(Box::new(SimulatedDevice::new(wish, setup)?)),
-        DeviceKind::Robot => Ok(Box::new(RobotDevice::new(wish, setup)?)),
+        DeviceKind::Simulated => Ok(Box::new(SimulatedDevice::new(intent, setup)?)),
+        DeviceKind::Robot => Ok(Box::new(RobotDevice::new(intent, setup)?)),
     }
 }
 
-/// The rounds of a cutting operator, each of which ends with a wish for fresh clay.
+/// The rounds of a cutting operator, each of which ends with a request for fresh clay.
 #[derive(Clone, Copy, Debug, Default)]
 struct Rounds {
     asked_for: u64,

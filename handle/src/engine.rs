@@ -28,7 +28,7 @@ use teleclay_shell::ticker::{Next, Tick, Ticker, TickerConfig};
 use crate::attachment::{Attachment, Heard};
 use crate::brake::Brake;
 use crate::device::{Device, DeviceCommand, DeviceError, DeviceRequest};
-use crate::refresh::Wishes;
+use crate::refresh::Wanted;
 
 /// Records that may wait for whoever reads them: four seconds of ticks.
 const RECORDS_WAITING: usize = 4096;
@@ -101,7 +101,7 @@ pub(crate) struct Record {
     pub(crate) copy: CopyState,
     /// What corrections of it have done to the hand.
     pub(crate) corrections: Corrections,
-    pub(crate) wishes: Wishes,
+    pub(crate) wanted: Wanted,
     pub(crate) fault: Option<NotFinite>,
     pub(crate) request: Option<DeviceRequest>,
     pub(crate) robot: Option<RobotState>,
@@ -249,7 +249,7 @@ impl Engine {
             scheme: self.attachment.side.scheme(),
             copy: self.attachment.side.frame().copy,
             corrections: self.attachment.side.frame().corrections,
-            wishes: Wishes {
+            wanted: Wanted {
                 revision: self.attachment.side.revision(),
                 snapshot: self.attachment.side.wanted_snapshot(),
             },
@@ -401,7 +401,7 @@ pub(crate) fn sample_record() -> Record {
         scheme: Scheme::ForceExchange,
         copy: CopyState::None,
         corrections: Corrections::default(),
-        wishes: Wishes {
+        wanted: Wanted {
             revision: 0,
             snapshot: None,
         },

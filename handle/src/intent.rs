@@ -1,10 +1,10 @@
 //! What the simulated operator is to do, as asked for on the command line.
 
-use teleclay_operator::{Intent, IntentError, Reach, Waypoint};
+use teleclay_operator::{IntentError, Reach, Waypoint};
 
 /// An intent without what only the session can tell: the room for cutting.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Wish {
+pub enum Intent {
     /// A hand that rests.
     Idle,
     /// A steady push from the muscles, N.
@@ -33,22 +33,22 @@ pub enum Wish {
     Cutting,
 }
 
-impl Wish {
-    /// The intent, with cutting strokes that stay within `room`.
+impl Intent {
+    /// The operator's intent, with cutting strokes that stay within `room`.
     ///
     /// # Errors
     /// A number is not finite, the room is empty, or the waypoints make no path.
-    pub fn intent(&self, room: Reach) -> Result<Intent, IntentError> {
+    pub fn within(&self, room: Reach) -> Result<teleclay_operator::Intent, IntentError> {
         match self {
-            Self::Idle => Ok(Intent::Idle),
-            Self::ConstantForce { force_n } => Intent::constant_force(*force_n),
-            Self::SensorForce { force_n } => Intent::sensor_force(*force_n),
+            Self::Idle => Ok(teleclay_operator::Intent::Idle),
+            Self::ConstantForce { force_n } => teleclay_operator::Intent::constant_force(*force_n),
+            Self::SensorForce { force_n } => teleclay_operator::Intent::sensor_force(*force_n),
             Self::Sinusoid {
                 amplitude_n,
                 frequency_hz,
-            } => Intent::sinusoid(*amplitude_n, *frequency_hz),
-            Self::Trajectory { waypoints } => Intent::trajectory(waypoints),
-            Self::Cutting => Intent::cutting(room),
+            } => teleclay_operator::Intent::sinusoid(*amplitude_n, *frequency_hz),
+            Self::Trajectory { waypoints } => teleclay_operator::Intent::trajectory(waypoints),
+            Self::Cutting => teleclay_operator::Intent::cutting(room),
         }
     }
 }

@@ -7,7 +7,7 @@ use std::time::Duration;
 use serde::Serialize;
 use teleclay_handle::arguments::Arguments;
 use teleclay_handle::event::{Event, Weight};
-use teleclay_handle::intent::Wish;
+use teleclay_handle::intent::Intent;
 use teleclay_handle::recording::Recording;
 use teleclay_handle::run::{Ending, Options, Until};
 use teleclay_handle::status::Status;
@@ -27,7 +27,7 @@ const INTERRUPTED: i32 = 130;
 
 fn main() -> ExitCode {
     network::prepare_runtime();
-    let (arguments, wish) = match Arguments::read() {
+    let (arguments, intent) = match Arguments::read() {
         Ok(read) => read,
         Err(error) => {
             // A terminal that is gone cannot be told.
@@ -58,7 +58,7 @@ fn main() -> ExitCode {
         .enable_all()
         .build();
     match runtime {
-        Ok(runtime) => runtime.block_on(hold(arguments, wish)),
+        Ok(runtime) => runtime.block_on(hold(arguments, intent)),
         Err(error) => {
             error!("no runtime: {error}");
             ExitCode::FAILURE
@@ -66,7 +66,7 @@ fn main() -> ExitCode {
     }
 }
 
-async fn hold(arguments: Arguments, wish: Wish) -> ExitCode {
+async fn hold(arguments: Arguments, intent: Intent) -> ExitCode {
     let (stop, stopped) = watch::channel(false);
     let mut signals = match (
         signal(SignalKind::interrupt()),
@@ -106,7 +106,7 @@ async fn hold(arguments: Arguments, wish: Wish) -> ExitCode {
         node: arguments.node,
         token: arguments.token,
         device: kind.word().to_owned(),
-        open_device: Box::new(move |setup| device::open(kind, &wish, setup)),
+        open_device: Box::new(move |setup| device::open(kind, &intent, setup)),
         scheduling: arguments.scheduling,
         spin: Duration::from_micros(arguments.spin_us),
         clock_drift: arguments.clock_drift_ppm,

@@ -1,6 +1,6 @@
 //! What a handle asks the server for while it works: parameters that have changed, and snapshots of the clay.
 //!
-//! The tick only says what it wants ([`Wishes`]); here it is fetched, checked and built, on threads that may take their time. Nothing that a server
+//! The tick only says what it wants ([`Wanted`]); here it is fetched, checked and built, on threads that may take their time. Nothing that a server
 //! answers is trusted: a snapshot that shows another block, misses bricks or holds clay where none can be is no snapshot.
 
 use std::sync::Arc;
@@ -27,7 +27,7 @@ const LONGEST_TEXT: usize = 64 * 1024;
 
 /// What the tick would like to know.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Wishes {
+pub(crate) struct Wanted {
     /// Revision of the parameters that the tool side works with.
     pub(crate) revision: u16,
     /// The snapshot of the clay that it lacks.
@@ -52,7 +52,7 @@ pub(crate) struct Fresh {
     pub(crate) took: Duration,
 }
 
-/// Fetches what is wished for. Parameters come first: a snapshot is of use only where tool and place are known.
+/// Fetches what is wanted. Parameters come first: a snapshot is of use only where tool and place are known.
 ///
 /// # Errors
 /// Nobody answers, or nonsense; in words.
@@ -60,15 +60,15 @@ pub(crate) async fn refresh(
     slow: Session,
     keys: SessionKeys,
     known: u16,
-    wishes: Wishes,
+    wanted: Wanted,
 ) -> Result<Fresh, String> {
     let began = Instant::now();
-    let parameters = if wishes.revision == known {
+    let parameters = if wanted.revision == known {
         None
     } else {
         Some(parameters(&slow, &keys).await?)
     };
-    let snapshot = match wishes.snapshot {
+    let snapshot = match wanted.snapshot {
         None => None,
         Some(wanted) => Some(snapshot(&slow, &keys, wanted.epoch).await?),
     };

@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 
 use serde_json::json;
 use teleclay_handle::device::{DeviceKind, open};
-use teleclay_handle::intent::Wish;
+use teleclay_handle::intent::Intent;
 use teleclay_handle::run::{Options, Until};
 use teleclay_proto::http::Session;
 use teleclay_proto::{NodeName, SessionId};
@@ -117,7 +117,7 @@ fn options(ports: Ports) -> Options {
         operator: "Ada".to_owned(),
         token: None,
         device: "simulated".to_owned(),
-        open_device: Box::new(|setup| open(DeviceKind::Simulated, &Wish::Cutting, setup)),
+        open_device: Box::new(|setup| open(DeviceKind::Simulated, &Intent::Cutting, setup)),
         scheduling: Scheduling::Normal,
         spin: Duration::ZERO,
         clock_drift: Drift::default(),

@@ -270,7 +270,7 @@ impl HandleSide {
         self.is_due.then_some(&self.frame)
     }
 
-    /// The snapshot of the server's clay that is wanted here, if one is; a new number is a new wish.
+    /// The snapshot of the server's clay that is wanted here, if one is; a new number is a new request.
     pub fn wanted_snapshot(&self) -> Option<WantedSnapshot> {
         self.controller.replica()?.wanted_snapshot()
     }

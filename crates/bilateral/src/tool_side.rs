@@ -15,7 +15,7 @@ use teleclay_control::State;
 use teleclay_link::Vec3;
 use teleclay_link::arrivals::{Arrival, ArrivalCounts, Arrivals};
 use teleclay_link::deadband::{Deadband, DeadbandError, DeadbandSettings};
-use teleclay_link::motion_limiter::{MotionLimiter, Wish};
+use teleclay_link::motion_limiter::{MotionLimiter, Setpoint};
 use teleclay_link::replica::{Cut, ToolSetup};
 use teleclay_link::round_trip::RoundTrip;
 use teleclay_link::safety::{NotFinite, Watchdog, check};
@@ -445,12 +445,12 @@ impl ToolSide {
     /// Where the tool may go in this tick.
     fn limited_motion(&mut self, now: Timestamp, port: &ToolPort, gain: f64) -> Vec3 {
         let ratio = self.model.coupling().position_ratio;
-        let wish = Wish {
+        let setpoint = Setpoint {
             reference: self.controller.reference(now, port, gain),
             recovery: self.controller.recovery(),
             lift_m: self.model.setup().is_lifted.then_some(self.lift * ratio),
         };
-        self.motion_limiter.step(wish, gain)
+        self.motion_limiter.step(setpoint, gain)
     }
 
     /// The handle's sweeps lead: the tool is where they put it.

@@ -1,4 +1,4 @@
-//! Proposes `C_h1 = 1 / (M s² + B s)` for a wish, or says why there is none.
+//! Proposes `C_h1 = 1 / (M s² + B s)` for a target, or says why there is none.
 //!
 //! Of all handles that keep the wanted distance for every clay and every delay in range, the lightest is proposed:
 //! least impedance `|j w M + B|` at one cycle per second, about where a hand works. The shape `M / B` is scanned; along
@@ -16,7 +16,7 @@ use std::ops::ControlFlow;
 
 /// What is wanted, and of which plants.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Wish {
+pub struct TuningTarget {
     /// Handle servo.
     pub g_h: RationalFunction,
     /// Handle's give.
@@ -45,7 +45,7 @@ pub struct Wish {
     pub heaviest_n_s_per_m: f64,
 }
 
-/// Mass and damping that fulfil a [`Wish`].
+/// Mass and damping that meet a [`TuningTarget`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Proposal {
     /// `M`, kg.
@@ -54,7 +54,7 @@ pub struct Proposal {
     pub damping_n_s_per_m: f64,
     /// `1 / (M s² + B s)`.
     pub c_h1: RationalFunction,
-    /// What it keeps in the least favourable clay, over every delay up to the wish's.
+    /// What it keeps in the least favourable clay, over every delay up to the target's.
     pub distance: f64,
     /// Shortest delay margin over the clay range.
     pub delay_margin: DelayMargin,
@@ -118,7 +118,7 @@ pub enum Obstacle {
 /// Why there is no proposal.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum TuningError {
-    /// A number of the wish is out of range.
+    /// A number of the target is out of range.
     #[error("{quantity} is {got}, need {need}")]
     OutOfRange {
         /// Its name.
@@ -133,7 +133,7 @@ pub enum TuningError {
         "a distance of {wanted} cannot be kept: far above the servo's band every loop is at distance 1 or less"
     )]
     DistanceBeyondReach {
-        /// As wished.
+        /// As asked for.
         wanted: f64,
     },
     /// No machine could run the compensators.
@@ -150,7 +150,7 @@ pub enum TuningError {
         "no handle up to {heaviest_n_s_per_m} N s/m at 1 Hz will do: with {mass_kg:.4} kg and {damping_n_s_per_m:.4} N s/m, {obstacle}"
     )]
     NotWithin {
-        /// The limit of the wish.
+        /// The limit of the target.
         heaviest_n_s_per_m: f64,
         /// Shape that fails least.
         mass_kg: f64,
@@ -161,12 +161,12 @@ pub enum TuningError {
     },
 }
 
-/// The lightest handle that fulfils the wish in every clay and at every delay.
+/// The lightest handle that meets the target in every clay and at every delay.
 ///
 /// # Errors
-/// The wish is out of range, or cannot be fulfilled: the error says what stands against it.
-pub fn propose(wish: &Wish) -> Result<Proposal, TuningError> {
-    propose_while(wish, || ControlFlow::Continue(()))
+/// The target is out of range, or cannot be met: the error says what stands against it.
+pub fn propose(target: &TuningTarget) -> Result<Proposal, TuningError> {
+    propose_while(target, || ControlFlow::Continue(()))
 }
 
 /// The same; `go_on` is asked every few milliseconds at most, and may call the search off. Plants with many sharp resonances take
@@ -175,16 +175,16 @@ pub fn propose(wish: &Wish) -> Result<Proposal, TuningError> {
 /// # Errors
 /// As [`propose`], and [`TuningError::CalledOff`].
 pub fn propose_while(
-    wish: &Wish,
+    target: &TuningTarget,
     mut go_on: impl FnMut() -> ControlFlow<()>,
 ) -> Result<Proposal, TuningError> {
-    wish.require_ranges()?;
-    let wish = &wish.without_what_is_negligible();
+    target.require_ranges()?;
+    let target = &target.without_what_is_negligible();
     let mut search = Search {
-        wish,
+        target,
         go_on: &mut go_on,
     };
-    let mut clays = wish.clays(2);
+    let mut clays = target.clays(2);
     for _ in 0..ROUNDS {
         let candidate = search.lightest(&clays)?;
         match search.assess(candidate)? {
@@ -194,10 +194,10 @@ pub fn propose_while(
         }
     }
     // Clays keep turning up between the known ones: let the whole grid decide.
-    let candidate = search.lightest(&wish.clays(CHECKED))?;
+    let candidate = search.lightest(&target.clays(CHECKED))?;
     match search.assess(candidate)? {
         Assessment::Fulfils(proposal) => Ok(proposal),
-        Assessment::Fails { obstacle, .. } => Err(wish.not_within(candidate, obstacle)),
+        Assessment::Fails { obstacle, .. } => Err(target.not_within(candidate, obstacle)),
     }
 }
 
@@ -205,7 +205,7 @@ pub fn propose_while(
 /// would look there.
 const NEGLIGIBLE: f64 = 1e-12;
 
-impl Wish {
+impl TuningTarget {
     fn without_what_is_negligible(&self) -> Self {
         let kept = |value: f64| if value < NEGLIGIBLE { 0.0 } else { value };
         Self {

@@ -4,11 +4,11 @@ use cpu_time::ThreadTime;
 use std::f64::consts::TAU;
 use std::ops::ControlFlow;
 use std::time::Duration;
-use teleclay_control::tuning::{Obstacle, TuningError, Wish, propose, propose_while};
+use teleclay_control::tuning::{Obstacle, TuningError, TuningTarget, propose, propose_while};
 use teleclay_control::{ClosedLoop, DelayedScheme, RationalFunction, compensators::Sides, paper};
 
-fn wish() -> Wish {
-    Wish {
+fn target() -> TuningTarget {
+    TuningTarget {
         g_h: paper::g_hx(),
         s_h: RationalFunction::zero(),
         g_t: paper::default_g_t(),
@@ -25,44 +25,54 @@ fn wish() -> Wish {
     }
 }
 
-fn closed_loop(wish: &Wish, c_h1: RationalFunction, damping: f64, stiffness: f64) -> ClosedLoop {
+fn closed_loop(
+    target: &TuningTarget,
+    c_h1: RationalFunction,
+    damping: f64,
+    stiffness: f64,
+) -> ClosedLoop {
     let sides = Sides {
-        g_h: wish.g_h.clone(),
-        s_h: wish.s_h.clone(),
-        g_t: wish.g_t.clone(),
-        s_t: wish.s_t.clone(),
+        g_h: target.g_h.clone(),
+        s_h: target.s_h.clone(),
+        g_t: target.g_t.clone(),
+        s_t: target.s_t.clone(),
         c_h1,
-        position_ratio: wish.position_ratio,
-        force_ratio: wish.force_ratio,
+        position_ratio: target.position_ratio,
+        force_ratio: target.force_ratio,
     };
-    ClosedLoop::new(&sides, &wish.t_h, &paper::t_t(damping, stiffness).unwrap()).unwrap()
+    ClosedLoop::new(
+        &sides,
+        &target.t_h,
+        &paper::t_t(damping, stiffness).unwrap(),
+    )
+    .unwrap()
 }
 
 /// Least distance over a clay grid finer than the search's own, and over delays sampled one by one: no closed form of
 /// the alignment, only the definition.
-fn sampled_distance(wish: &Wish, c_h1: &RationalFunction) -> f64 {
+fn sampled_distance(target: &TuningTarget, c_h1: &RationalFunction) -> f64 {
     let mut least = f64::INFINITY;
     for i in 0..=12 {
         for k in 0..=4 {
-            let damping = wish.clay_damping_n_s_per_m[1] * f64::from(i) / 12.0;
-            let stiffness = wish.clay_stiffness_n_per_m[1] * f64::from(k) / 4.0;
-            let closed_loop = closed_loop(wish, c_h1.clone(), damping, stiffness);
+            let damping = target.clay_damping_n_s_per_m[1] * f64::from(i) / 12.0;
+            let stiffness = target.clay_stiffness_n_per_m[1] * f64::from(k) / 4.0;
+            let closed_loop = closed_loop(target, c_h1.clone(), damping, stiffness);
             assert!(closed_loop.is_stable_without_delay().unwrap());
             assert!(
                 closed_loop
-                    .delay_margin(wish.scheme)
+                    .delay_margin(target.scheme)
                     .unwrap()
-                    .bears(wish.round_trip_s)
+                    .bears(target.round_trip_s)
             );
-            let p = wish.g_h.times(c_h1).unwrap();
+            let p = target.g_h.times(c_h1).unwrap();
             for step in 0..400 {
                 let omega = 1e-3 * 10.0_f64.powf(f64::from(step) / 400.0 * 6.0);
                 let s = teleclay_control::Complex::new(0.0, omega);
                 let p = p.at(s).unwrap();
-                let (h, e) = (p * wish.t_h.at(s), p * (s * damping + stiffness));
+                let (h, e) = (p * target.t_h.at(s), p * (s * damping + stiffness));
                 for part in 0..=20 {
-                    let late = (-s * wish.round_trip_s * f64::from(part) / 20.0).exp();
-                    let value = match wish.scheme {
+                    let late = (-s * target.round_trip_s * f64::from(part) / 20.0).exp();
+                    let value = match target.scheme {
                         DelayedScheme::PositionForce => 1.0 + h + e * late,
                         DelayedScheme::ForceExchange => (1.0 + e) * (1.0 + h) - h * e * late,
                     };
@@ -75,20 +85,20 @@ fn sampled_distance(wish: &Wish, c_h1: &RationalFunction) -> f64 {
 }
 
 #[test]
-fn proposals_keep_the_wish() {
+fn proposals_keep_the_target() {
     for (scheme, round_trip_s, distance) in [
         (DelayedScheme::PositionForce, 0.0, 0.7),
         (DelayedScheme::PositionForce, 0.08, 0.5),
         (DelayedScheme::ForceExchange, 0.4, 0.4),
     ] {
-        let wish = Wish {
+        let target = TuningTarget {
             scheme,
             round_trip_s,
             distance,
-            ..wish()
+            ..target()
         };
-        let proposal = propose(&wish).unwrap();
-        let sampled = sampled_distance(&wish, &proposal.c_h1);
+        let proposal = propose(&target).unwrap();
+        let sampled = sampled_distance(&target, &proposal.c_h1);
         assert!(
             distance <= sampled && proposal.distance <= sampled + 1e-6,
             "{scheme:?}: {sampled} {proposal:?}"
@@ -97,15 +107,15 @@ fn proposals_keep_the_wish() {
         let impedance = (TAU * proposal.mass_kg).hypot(proposal.damping_n_s_per_m);
         assert!(
             (impedance - proposal.impedance_n_s_per_m).abs() < 1e-9
-                && impedance <= wish.heaviest_n_s_per_m
+                && impedance <= target.heaviest_n_s_per_m
         );
-        // A handle 5 % lighter of the same shape breaks the wish somewhere: the proposal does not hide reserves.
+        // A handle 5 % lighter of the same shape misses the target somewhere: the proposal does not hide reserves.
         let lighter =
             paper::c_h1(0.95 * proposal.mass_kg, 0.95 * proposal.damping_n_s_per_m).unwrap();
         let broken = (0..=6).any(|i| {
             (0..=6).any(|k| {
                 let closed_loop = closed_loop(
-                    &wish,
+                    &target,
                     lighter.clone(),
                     10.0 * f64::from(i),
                     200.0 / 6.0 * f64::from(k),
@@ -125,11 +135,11 @@ fn proposals_keep_the_wish() {
 }
 
 #[test]
-fn a_wish_that_cannot_be_met_says_why() {
+fn a_target_that_cannot_be_met_says_why() {
     // 80 ms with a handle of at most 5 N s/m: position-force loses stability long before.
-    let light = Wish {
+    let light = TuningTarget {
         heaviest_n_s_per_m: 5.0,
-        ..wish()
+        ..target()
     };
     let refused = propose(&light).unwrap_err();
     let TuningError::NotWithin {
@@ -147,11 +157,11 @@ fn a_wish_that_cannot_be_met_says_why() {
     );
 
     // The obstacle's figures are the loop's own: the mass and damping it names bear the margin it names, no more.
-    let slightly_light = Wish {
+    let slightly_light = TuningTarget {
         heaviest_n_s_per_m: 30.0,
         clay_stiffness_n_per_m: [0.0, 0.0],
         round_trip_s: 1.0,
-        ..wish()
+        ..target()
     };
     let refused = propose(&slightly_light).unwrap_err();
     let TuningError::NotWithin {
@@ -183,11 +193,11 @@ fn a_wish_that_cannot_be_met_says_why() {
         "{refused}"
     );
 
-    let greedy = Wish {
+    let greedy = TuningTarget {
         distance: 0.99,
         heaviest_n_s_per_m: 30.0,
         round_trip_s: 0.0,
-        ..wish()
+        ..target()
     };
     let refused = propose(&greedy).unwrap_err();
     assert!(
@@ -200,9 +210,9 @@ fn a_wish_that_cannot_be_met_says_why() {
         ),
         "{refused}"
     );
-    let beyond = Wish {
+    let beyond = TuningTarget {
         distance: 1.0,
-        ..wish()
+        ..target()
     };
     assert!(matches!(
         propose(&beyond),
@@ -211,45 +221,45 @@ fn a_wish_that_cannot_be_met_says_why() {
 }
 
 #[test]
-fn wishes_out_of_range_are_refused_by_name() {
-    let refused = |wish: Wish| match propose(&wish) {
+fn targets_out_of_range_are_refused_by_name() {
+    let refused = |target: TuningTarget| match propose(&target) {
         Err(TuningError::OutOfRange { quantity, .. }) => quantity,
         other => panic!("{other:?}"),
     };
     assert_eq!(
-        refused(Wish {
+        refused(TuningTarget {
             round_trip_s: f64::NAN,
-            ..wish()
+            ..target()
         }),
         "round_trip_s"
     );
     assert_eq!(
-        refused(Wish {
+        refused(TuningTarget {
             clay_damping_n_s_per_m: [5.0, 1.0],
-            ..wish()
+            ..target()
         }),
         "clay_damping_n_s_per_m"
     );
     assert_eq!(
-        refused(Wish {
+        refused(TuningTarget {
             distance: 0.0,
-            ..wish()
+            ..target()
         }),
         "distance"
     );
     assert!(matches!(
-        propose(&Wish {
+        propose(&TuningTarget {
             force_ratio: 1.0,
-            ..wish()
+            ..target()
         }),
         Err(TuningError::Compensator(_))
     ));
     // A tool of fifth order: no C_h1 of this form makes C_h2 proper.
     let stiff = RationalFunction::new(&[1.0], &[1e-6, 1e-4, 1e-2, 0.5, 20.0, 0.0]).unwrap();
     assert!(matches!(
-        propose(&Wish {
+        propose(&TuningTarget {
             g_t: stiff,
-            ..wish()
+            ..target()
         }),
         Err(TuningError::Compensator(_))
     ));
@@ -260,7 +270,7 @@ fn wishes_out_of_range_are_refused_by_name() {
 fn a_search_can_be_called_off() {
     for most in [0, 1, 7, 100] {
         let mut asked = 0;
-        let outcome = propose_while(&wish(), || {
+        let outcome = propose_while(&target(), || {
             asked += 1;
             if most < asked {
                 ControlFlow::Break(())
@@ -276,11 +286,11 @@ fn a_search_can_be_called_off() {
 /// Traces of clay and of delay are none, and cost nothing.
 #[test]
 fn what_is_negligible_changes_nothing() {
-    let traces = |trace: f64| Wish {
-        clay_damping_n_s_per_m: [trace, wish().clay_damping_n_s_per_m[1]],
+    let traces = |trace: f64| TuningTarget {
+        clay_damping_n_s_per_m: [trace, target().clay_damping_n_s_per_m[1]],
         clay_stiffness_n_per_m: [trace; 2],
         round_trip_s: trace,
-        ..wish()
+        ..target()
     };
     let wanted = propose(&traces(0.0)).unwrap();
     for trace in [5e-324, 5e-301, 1e-100, 1e-13] {

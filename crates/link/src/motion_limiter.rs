@@ -47,7 +47,7 @@ impl MotionLimits {
 
 /// What a tick asks for.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Wish {
+pub struct Setpoint {
     /// Where the tool should be, m.
     pub reference: Vec3,
     /// What that means after a hold.
@@ -110,11 +110,11 @@ impl MotionLimiter {
     }
 
     /// Where the tool goes in this tick, m. `gain`, 0 to 1, scales every step; at 0 the tool is held.
-    pub fn step(&mut self, wish: Wish, gain: f64) -> Vec3 {
+    pub fn step(&mut self, setpoint: Setpoint, gain: f64) -> Vec3 {
         let MotionLimits {
             tick_s, speed_m_s, ..
         } = self.limits;
-        let reference = wish.reference;
+        let reference = setpoint.reference;
         if gain <= 0.0 {
             // Held: whatever the reference does meanwhile is not made up for.
             self.put(self.at);
@@ -124,12 +124,12 @@ impl MotionLimiter {
             self.increment = reference - before;
         }
         let mut next = self.at + self.increment * gain;
-        if wish.recovery == Recovery::Absolute {
+        if setpoint.recovery == Recovery::Absolute {
             self.rise = (self.rise + tick_s / RECOVERY_RISE_S).min(1.0);
             let most = RECOVERY_SPEED_M_S * tick_s * self.rise;
             next += capped((reference - next) * (RECOVERY_PER_S * tick_s), most) * gain;
         }
-        if let Some(lift_m) = wish.lift_m {
+        if let Some(lift_m) = setpoint.lift_m {
             let most = LIFT_SPEED_M_S * tick_s * gain;
             next.z = self.at.z + (lift_m - self.at.z).clamp(-most, most);
         }
@@ -154,8 +154,8 @@ mod tests {
         })
     }
 
-    fn to(reference: Vec3, recovery: Recovery) -> Wish {
-        Wish {
+    fn to(reference: Vec3, recovery: Recovery) -> Setpoint {
+        Setpoint {
             reference,
             recovery,
             lift_m: None,
@@ -165,13 +165,13 @@ mod tests {
     proptest! {
         /// Whatever is asked for, no tick moves the tool faster than the limit, nor out of reach.
         #[test]
-        fn no_wish_moves_the_tool_too_fast_or_too_far(
-            wishes in prop::collection::vec((-1.0..1.0, -1.0..1.0, -1.0..1.0, 0.0..=1.0), 1..100),
+        fn no_setpoint_moves_the_tool_too_fast_or_too_far(
+            setpoints in prop::collection::vec((-1.0..1.0, -1.0..1.0, -1.0..1.0, 0.0..=1.0), 1..100),
             is_absolute in any::<bool>(),
         ) {
             let recovery = if is_absolute { Recovery::Absolute } else { Recovery::Incremental };
             let mut limiter = limiter();
-            for (x, y, z, gain) in wishes {
+            for (x, y, z, gain) in setpoints {
                 let before = limiter.at();
                 let after = limiter.step(to(Vec3::new(x, y, z), recovery), gain);
                 prop_assert!((after - before).norm() <= 2.0 * TICK_S * (1.0 + 1e-12));

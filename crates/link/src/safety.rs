@@ -121,7 +121,7 @@ impl ForceLimiter {
         }
     }
 
-    /// The force to apply for one tick of `tick_s` when `wanted` is asked for: bounded, slew-limited, finite. A wish that is not
+    /// The force to apply for one tick of `tick_s` when `wanted` is asked for: bounded, slew-limited, finite. A force that is not
     /// finite counts as zero force.
     pub fn step(&mut self, wanted: Vec3, tick_s: f64) -> Vec3 {
         let wanted = if wanted.iter().all(|f| f.is_finite()) {
@@ -205,13 +205,13 @@ mod tests {
     proptest! {
         /// Whatever is asked for, what comes out keeps both bounds.
         #[test]
-        fn no_wish_passes_the_limits(wishes in prop::collection::vec(
+        fn no_force_passes_the_limits(wanted in prop::collection::vec(
             (prop::num::f64::ANY, prop::num::f64::ANY, -1e3..1e3), 1..200)
         ) {
             let limits = ForceLimits { force_n: 20.0, slew_n_per_s: 2000.0 };
             let mut limiter = ForceLimiter::new(limits);
             let mut before = Vec3::zeros();
-            for (x, y, z) in wishes {
+            for (x, y, z) in wanted {
                 let force = limiter.step(Vec3::new(x, y, z), TICK_S);
                 prop_assert!(force.iter().all(|f| f.is_finite()));
                 prop_assert!(force.norm() <= 20.0 * (1.0 + 1e-12));
@@ -222,7 +222,7 @@ mod tests {
     }
 
     #[test]
-    fn a_steady_wish_within_bounds_is_reached_and_kept() {
+    fn a_steady_force_within_bounds_is_reached_and_kept() {
         let mut limiter = ForceLimiter::new(ForceLimits {
             force_n: 20.0,
             slew_n_per_s: 2000.0,

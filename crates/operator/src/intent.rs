@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use crate::path::{Path, PathError, Waypoint, Wish};
+use crate::path::{Path, PathError, Setpoint, Waypoint};
 use crate::{Axes, Vec3};
 
 /// Stiffness of the hand's own position control, N/m. Human wrists and arms in a firm grip show 200 to 800 N/m.
@@ -198,7 +198,8 @@ impl Intent {
 
     /// Where the lift should be at `t_s`, m.
     pub(crate) fn lift_m(&self, t_s: f64) -> f64 {
-        self.wish(t_s).map_or(0.0, |wish| wish.position.z)
+        self.setpoint(t_s)
+            .map_or(0.0, |setpoint| setpoint.position.z)
     }
 
     /// Force at the sensor where the intent fixes it.
@@ -227,10 +228,12 @@ impl Intent {
                 frequency_hz,
             } => Vec3::from(*amplitude_n) * ((TAU * frequency_hz * t_s).sin() * rise(t_s)),
             Self::Trajectory(_) | Self::Cutting(_) => {
-                let wish = self.wish(t_s).unwrap_or(Wish { position, velocity });
-                let servo = (wish.position - position) * HAND_STIFFNESS_N_PER_M
-                    + (wish.velocity - velocity) * HAND_DAMPING_N_S_PER_M;
-                let learnt = wish.position * arm.0 + wish.velocity * arm.1;
+                let setpoint = self
+                    .setpoint(t_s)
+                    .unwrap_or(Setpoint { position, velocity });
+                let servo = (setpoint.position - position) * HAND_STIFFNESS_N_PER_M
+                    + (setpoint.velocity - velocity) * HAND_DAMPING_N_S_PER_M;
+                let learnt = setpoint.position * arm.0 + setpoint.velocity * arm.1;
                 capped(servo + learnt, HAND_FORCE_LIMIT_N) * rise(t_s)
             }
         };
@@ -240,7 +243,7 @@ impl Intent {
         force
     }
 
-    fn wish(&self, t_s: f64) -> Option<Wish> {
+    fn setpoint(&self, t_s: f64) -> Option<Setpoint> {
         match self {
             Self::Trajectory(path) => Some(path.at(t_s)),
             Self::Cutting(path) => Some(path.at(t_s % path.lasts_s())),
@@ -287,9 +290,9 @@ mod tests {
         let round = intent.round_s().unwrap();
         let mut deepest = 0.0_f64;
         for ms in 0..(round * 1e3) as u32 {
-            let wish = intent.wish(f64::from(ms) * 1e-3).unwrap().position;
-            assert!(wish.x.abs() <= REACH.x_m + 1e-12 && wish.y.abs() <= REACH.y_m + 1e-12);
-            deepest = deepest.min(wish.z);
+            let setpoint = intent.setpoint(f64::from(ms) * 1e-3).unwrap().position;
+            assert!(setpoint.x.abs() <= REACH.x_m + 1e-12 && setpoint.y.abs() <= REACH.y_m + 1e-12);
+            deepest = deepest.min(setpoint.z);
         }
         assert!((deepest + REACH.depth_m).abs() < 1e-9, "{deepest}");
     }

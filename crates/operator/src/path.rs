@@ -50,7 +50,7 @@ pub struct Path {
 
 /// Where the path wants the hand to be.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Wish {
+pub(crate) struct Setpoint {
     pub(crate) position: Vec3,
     pub(crate) velocity: Vec3,
 }
@@ -97,19 +97,19 @@ impl Path {
     }
 
     /// Where to be at path time `t_s`.
-    pub(crate) fn at(&self, t_s: f64) -> Wish {
+    pub(crate) fn at(&self, t_s: f64) -> Setpoint {
         let index = self
             .legs
             .partition_point(|leg| leg.starts_s + leg.lasts_s <= t_s);
         let Some(leg) = self.legs.get(index) else {
             let end = self.legs.last().map_or_else(Vec3::zeros, |leg| leg.to);
-            return Wish {
+            return Setpoint {
                 position: end,
                 velocity: Vec3::zeros(),
             };
         };
         let share = ((t_s - leg.starts_s) / leg.lasts_s).max(0.0);
-        Wish {
+        Setpoint {
             position: leg.from + (leg.to - leg.from) * share,
             velocity: (leg.to - leg.from) / leg.lasts_s,
         }
@@ -146,11 +146,12 @@ mod tests {
             corner(0.2, 0.0, 0.1),
         ])
         .unwrap();
-        let wish = path.at(1.0);
+        let setpoint = path.at(1.0);
         assert!(
-            wish.position
+            setpoint
+                .position
                 .iter()
-                .chain(wish.velocity.iter())
+                .chain(setpoint.velocity.iter())
                 .all(|x| x.is_finite())
         );
         assert!((path.lasts_s() - 2.0).abs() < 1e-12);

@@ -7,7 +7,7 @@ use teleclay_operator::{
 };
 
 const TICK_S: f64 = 1e-3;
-/// Wishes beyond the fence are drawn back with this much; see the robot's module.
+/// Setpoints beyond the fence are drawn back with this much; see the robot's module.
 const RESISTANCE_N_PER_M: f64 = 200.0;
 
 fn robot(intent: Intent) -> RobotHandle {
@@ -242,7 +242,7 @@ fn near_a_singularity_the_robot_resists_and_says_so_and_lets_go_when_pulled_back
     }
 }
 
-/// The spring of the fence balances the hand: the loop feels no force in the end, and its wish lies beyond by force over stiffness.
+/// The spring of the fence balances the hand: the loop feels no force in the end, and its setpoint lies beyond by force over stiffness.
 #[test]
 fn resistance_balances_the_hand() {
     let push = Vec3::new(0.0, 0.0, 6.0);

@@ -4,9 +4,9 @@ use teleclay_operator::{DeviceSample, RobotHandle, RobotSetup, RobotState};
 
 use super::room::cutting_room;
 use super::{Device, DeviceCommand, DeviceError, DeviceRequest, DeviceSetup, Rounds};
-use crate::intent::Wish;
+use crate::intent::Intent;
 
-/// A robot, and its operator's wish for fresh clay after each finished round of cutting.
+/// A robot, and its operator's request for fresh clay after each finished round of cutting.
 #[derive(Debug)]
 pub struct RobotDevice {
     handle: RobotHandle,
@@ -18,8 +18,8 @@ impl RobotDevice {
     ///
     /// # Errors
     /// The intent does not fit this setup, or the tick is no sample time.
-    pub fn new(wish: &Wish, setup: &DeviceSetup) -> Result<Self, DeviceError> {
-        let intent = wish.intent(cutting_room(setup))?;
+    pub fn new(intent: &Intent, setup: &DeviceSetup) -> Result<Self, DeviceError> {
+        let intent = intent.within(cutting_room(setup))?;
         let robot = RobotSetup::default();
         Ok(Self {
             handle: RobotHandle::new(setup.handle_axes(), setup.tick_s, intent, &robot)?,
@@ -62,7 +62,7 @@ mod tests {
         for axes in [teleclay_proto::Axes::Two, teleclay_proto::Axes::Three] {
             let setup = DeviceSetup { axes, ..carving() };
             let room = cutting_room(&setup);
-            let mut device = RobotDevice::new(&Wish::Idle, &setup).unwrap();
+            let mut device = RobotDevice::new(&Intent::Idle, &setup).unwrap();
             for corner in 0..8 {
                 let side = |bit: u32, most: f64, least: f64| {
                     if corner & (1 << bit) == 0 {

@@ -4,9 +4,9 @@ use teleclay_operator::{DeviceSample, SimulatedHandle};
 
 use super::room::cutting_room;
 use super::{Device, DeviceCommand, DeviceError, DeviceRequest, DeviceSetup, Rounds};
-use crate::intent::Wish;
+use crate::intent::Intent;
 
-/// A simulated handle, and its operator's wish for fresh clay after each finished round of cutting.
+/// A simulated handle, and its operator's request for fresh clay after each finished round of cutting.
 #[derive(Debug)]
 pub struct SimulatedDevice {
     handle: SimulatedHandle,
@@ -18,8 +18,8 @@ impl SimulatedDevice {
     ///
     /// # Errors
     /// The intent does not fit this setup, or the tick is no sample time.
-    pub fn new(wish: &Wish, setup: &DeviceSetup) -> Result<Self, DeviceError> {
-        let intent = wish.intent(cutting_room(setup))?;
+    pub fn new(intent: &Intent, setup: &DeviceSetup) -> Result<Self, DeviceError> {
+        let intent = intent.within(cutting_room(setup))?;
         Ok(Self {
             handle: SimulatedHandle::new(setup.handle_axes(), setup.tick_s, intent)?,
             rounds: Rounds::default(),
@@ -60,14 +60,14 @@ mod tests {
             tool: ToolDescription::Ball { radius_m: 0.1 },
             ..carving()
         };
-        assert!(SimulatedDevice::new(&Wish::Cutting, &cramped).is_ok());
+        assert!(SimulatedDevice::new(&Intent::Cutting, &cramped).is_ok());
     }
 
     #[test]
     fn a_finished_round_asks_once_for_fresh_clay() {
-        let mut device = SimulatedDevice::new(&Wish::Cutting, &carving()).unwrap();
-        let round_s = Wish::Cutting
-            .intent(cutting_room(&carving()))
+        let mut device = SimulatedDevice::new(&Intent::Cutting, &carving()).unwrap();
+        let round_s = Intent::Cutting
+            .within(cutting_room(&carving()))
             .unwrap()
             .round_s()
             .unwrap();

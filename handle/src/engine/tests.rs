@@ -484,17 +484,17 @@ fn discarded(bench: &mut Bench) -> Vec<&'static str> {
 }
 
 #[test]
-fn under_the_replica_a_snapshot_is_wished_for_until_it_is_there_and_is_felt_from_then_on() {
+fn under_the_replica_a_snapshot_is_wanted_until_it_is_there_and_is_felt_from_then_on() {
     let mut bench = Bench::new(Intent::Idle);
     bench.tool.frame.header.scheme = Scheme::Replica;
     bench.tool.frame.header.clay_epoch = 3;
     let record = bench.couple_for(5);
     assert_eq!(record.scheme, Scheme::Replica);
     assert_eq!(record.copy, CopyState::None);
-    let wanted = record.wishes.snapshot.expect("it lacks the clay");
+    let wanted = record.wanted.snapshot.expect("it lacks the clay");
     assert_eq!(wanted.epoch, 3);
 
-    // Another block is of no use, nor is one that belongs to another lease; the wish stays.
+    // Another block is of no use, nor is one that belongs to another lease; the request stays.
     for (lease, epoch) in [(1, 2), (9, 3)] {
         let snapshot = snapshot(epoch);
         assert!(
@@ -504,7 +504,7 @@ fn under_the_replica_a_snapshot_is_wished_for_until_it_is_there_and_is_felt_from
                 .push(Order::LoadSnapshot { lease, snapshot })
                 .is_ok()
         );
-        assert_eq!(bench.couple_for(1).wishes.snapshot, Some(wanted));
+        assert_eq!(bench.couple_for(1).wanted.snapshot, Some(wanted));
     }
     assert!(
         bench
@@ -517,18 +517,18 @@ fn under_the_replica_a_snapshot_is_wished_for_until_it_is_there_and_is_felt_from
             .is_ok()
     );
     let record = bench.couple_for(2);
-    assert_eq!(record.wishes.snapshot, None);
+    assert_eq!(record.wanted.snapshot, None);
     assert_eq!(record.copy, CopyState::Live);
     let kinds = discarded(&mut bench);
     assert!(kinds.contains(&"snapshot"), "{kinds:?}");
 }
 
 #[test]
-fn a_new_revision_is_wished_for_and_what_it_replaces_is_dropped_elsewhere() {
+fn a_new_revision_is_wanted_and_what_it_replaces_is_dropped_elsewhere() {
     let mut bench = Bench::new(Intent::Idle);
-    assert_eq!(bench.couple_for(2).wishes.revision, 0);
+    assert_eq!(bench.couple_for(2).wanted.revision, 0);
     bench.tool.frame.header.revision = 7;
-    assert_eq!(bench.couple_for(2).wishes.revision, 7);
+    assert_eq!(bench.couple_for(2).wanted.revision, 7);
     for lease in [1, 9] {
         let setup = tool_setup();
         assert!(

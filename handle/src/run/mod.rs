@@ -240,9 +240,9 @@ impl Run {
         }
     }
 
-    /// Somebody's wish to end is always fine; time that ran out is not when there was no server at the end.
-    fn judge_the_end(&self, is_wished: bool) -> Result<(), Failure> {
-        if is_wished || self.searching.is_none() {
+    /// An end that somebody asked for is always fine; time that ran out is not when there was no server at the end.
+    fn judge_the_end(&self, is_asked_for: bool) -> Result<(), Failure> {
+        if is_asked_for || self.searching.is_none() {
             return Ok(());
         }
         Err(Failure::NoServer {
@@ -310,14 +310,14 @@ async fn end(until: &mut Until) {
         }
     };
     let stop = &mut until.stop;
-    let wished = async {
-        // Whoever could wish has gone: the run goes on until its time is over.
+    let asked = async {
+        // Whoever could ask has gone: the run goes on until its time is over.
         if stop.wait_for(|stop| *stop).await.is_err() {
             std::future::pending::<()>().await;
         }
     };
     tokio::select! {
-        () = wished => {}
+        () = asked => {}
         () = time_is_over => {}
     }
 }

@@ -10,7 +10,7 @@ use crate::device::DeviceRequest;
 use crate::engine::{Order, Record};
 use crate::event::Event;
 use crate::join::{self, JoinGrant};
-use crate::refresh::{self, Fresh, Wishes};
+use crate::refresh::{self, Fresh, Wanted};
 
 /// Without frames for this long a lease counts as lost. Shorter gaps mend themselves.
 const LOST_AFTER: Duration = Duration::from_secs(1);
@@ -94,7 +94,7 @@ impl Run {
         }
         self.silence = Duration::from_nanos(record.silence_ns);
         self.on_link_state(record);
-        self.refresh(record.lease, record.wishes);
+        self.refresh(record.lease, record.wanted);
         let is_on_copy = matches!(
             record.link_state,
             LinkState::OnCopy | LinkState::OnStaleCopy
@@ -113,8 +113,8 @@ impl Run {
     }
 
     /// Fetches what the tick wants to know, one thing after the other.
-    fn refresh(&mut self, lease: u32, wishes: Wishes) {
-        let wants_any = wishes.revision != self.revision || wishes.snapshot.is_some();
+    fn refresh(&mut self, lease: u32, wanted: Wanted) {
+        let wants_any = wanted.revision != self.revision || wanted.snapshot.is_some();
         let (Some(line), Some((_, slow)), None, true) =
             (&self.line, &self.slow, &self.refreshing, wants_any)
         else {
@@ -128,7 +128,7 @@ impl Run {
             slow.clone(),
             line.grant.keys.clone(),
             self.revision,
-            wishes,
+            wanted,
         )));
     }
 

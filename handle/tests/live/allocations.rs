@@ -9,7 +9,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use teleclay_handle::device::{Device, DeviceCommand, DeviceError, DeviceRequest, SimulatedDevice};
-use teleclay_handle::intent::Wish;
+use teleclay_handle::intent::Intent;
 use teleclay_operator::DeviceSample;
 
 use super::holder::Holder;
@@ -96,7 +96,7 @@ async fn the_steady_tick_allocates_nothing() {
     let mut holder = Holder::start_with(
         &endpoint,
         Box::new(move |setup| {
-            let device = SimulatedDevice::new(&Wish::Cutting, setup)?;
+            let device = SimulatedDevice::new(&Intent::Cutting, setup)?;
             Ok(Box::new(Counter {
                 device,
                 ticks: 0,

@@ -7,7 +7,7 @@ use teleclay_handle::device::{
     Device, DeviceCommand, DeviceError, DeviceRequest, DeviceSetup, SimulatedDevice,
 };
 use teleclay_handle::event::Event;
-use teleclay_handle::intent::Wish;
+use teleclay_handle::intent::Intent;
 use teleclay_handle::run::{Ending, OpenDevice, Options, Until};
 use teleclay_operator::DeviceSample;
 use teleclay_proto::SessionId;
@@ -95,10 +95,10 @@ impl Holder {
         let open_device: OpenDevice = Box::new(move |setup| {
             let setups: &Mutex<Vec<DeviceSetup>> = &open;
             setups.lock().unwrap().push(*setup);
-            let wish = Wish::ConstantForce {
+            let intent = Intent::ConstantForce {
                 force_n: [0.5, 0.0, 0.0],
             };
-            let device = SimulatedDevice::new(&wish, setup)?;
+            let device = SimulatedDevice::new(&intent, setup)?;
             Ok(Box::new(Recorder {
                 device,
                 told: Arc::clone(&write),
@@ -112,7 +112,7 @@ impl Holder {
     /// Someone whose time is over after `lasts`.
     pub(crate) fn start_for(endpoint: &str, lasts: Duration) -> Self {
         let open_device: OpenDevice =
-            Box::new(|setup| Ok(Box::new(SimulatedDevice::new(&Wish::Idle, setup)?)));
+            Box::new(|setup| Ok(Box::new(SimulatedDevice::new(&Intent::Idle, setup)?)));
         Self::hold(
             endpoint,
             open_device,

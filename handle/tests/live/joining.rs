@@ -294,7 +294,7 @@ async fn an_operator_who_is_through_gets_fresh_clay_or_the_reason_why_not() {
             },
         );
         server
-            .sees("the wish", |seen| (seen == Seen::Fresh(5)).then_some(()))
+            .sees("the request", |seen| (seen == Seen::Fresh(5)).then_some(()))
             .await;
         holder
             .tells("the answer", |event| {

@@ -79,7 +79,7 @@ kinds! {
         "An arm is stretched or folded, or the platform gains a freedom; the detail says which.";
     NO_LOOP = UNPROCESSABLE_ENTITY "no-loop", "these parts make no loop",
         "A compensator or the loop itself cannot be formed of them; the detail says why.";
-    UNTUNABLE = UNPROCESSABLE_ENTITY "untunable", "no handle fulfils the wish",
+    UNTUNABLE = UNPROCESSABLE_ENTITY "untunable", "no handle meets the target",
         "The detail says what stands against it, and what would have to give.";
     INFEASIBLE = UNPROCESSABLE_ENTITY "infeasible", "the experiment comes to no end that means something",
         "The detail says which range is at fault and why.";
@@ -111,7 +111,7 @@ impl Kind {
     }
 }
 
-/// Why a call is not answered as it wished.
+/// Why a call is not answered as it asked.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub(crate) struct Failure {
     problem: Box<Problem>,

@@ -12,7 +12,7 @@ use super::values::{number, range};
 use super::{Answer, Input, Output};
 use crate::theory;
 
-/// A wish for a handle. Plants that are left out are the paper's, or ours where the paper leaves them open.
+/// A target for a handle. Plants that are left out are the paper's, or ours where the paper leaves them open.
 #[derive(Clone, Debug, Args)]
 pub struct Tune {
     #[command(flatten)]

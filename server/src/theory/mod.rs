@@ -33,7 +33,7 @@ pub enum Unanswered {
     /// The parts make no loop that could be analysed.
     #[error("{0}")]
     NoLoop(String),
-    /// No handle fulfils the wish.
+    /// No handle meets the target.
     #[error("{0}")]
     Untunable(String),
     /// The experiment would come to no end that means something, or came to none.

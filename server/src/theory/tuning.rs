@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 
 use teleclay_control::compensators::CompensatorError;
-use teleclay_control::tuning::{TuningError, Wish, propose_while};
+use teleclay_control::tuning::{TuningError, TuningTarget, propose_while};
 use teleclay_control::{DelayedScheme, LoopError};
 use teleclay_proto::http::theory::{TransferFunction, TunedScheme, TuningAnswer, TuningRequest};
 use teleclay_proto::http::{FieldError, Validate};
@@ -11,16 +11,16 @@ use teleclay_proto::http::{FieldError, Validate};
 use super::Unanswered;
 use super::stability::{compensator_error, function, polynomial, verdict};
 
-/// The lightest handle that fulfils a wish. `go_on` is asked now and then, and may call the search off.
+/// The lightest handle that meets a target. `go_on` is asked now and then, and may call the search off.
 ///
 /// # Errors
-/// A field out of range, a wish that cannot be fulfilled, with what stands against it, or a search that was called off.
+/// A field out of range, a target that cannot be met, with what stands against it, or a search that was called off.
 pub fn tune(
     request: &TuningRequest,
     go_on: impl FnMut() -> ControlFlow<()>,
 ) -> Result<TuningAnswer, Unanswered> {
     request.validate()?;
-    let wish = Wish {
+    let target = TuningTarget {
         g_h: function("/g_h", &request.g_h)?,
         s_h: function("/s_h", &request.s_h)?,
         g_t: function("/g_t", &request.g_t)?,
@@ -38,7 +38,7 @@ pub fn tune(
         distance: request.distance,
         heaviest_n_s_per_m: request.heaviest_n_s_per_m,
     };
-    let proposal = propose_while(&wish, go_on).map_err(unanswered)?;
+    let proposal = propose_while(&target, go_on).map_err(unanswered)?;
     Ok(TuningAnswer {
         mass_kg: proposal.mass_kg,
         damping_n_s_per_m: proposal.damping_n_s_per_m,

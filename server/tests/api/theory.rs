@@ -373,7 +373,7 @@ fn a_loop_without_the_optional_fields_is_the_papers() {
 }
 
 #[test]
-fn a_wish_is_fulfilled_by_the_loops_own_measure_or_refused_with_the_reason() {
+fn a_target_is_met_by_the_loops_own_measure_or_refused_with_the_reason() {
     let site = shared().site();
     let tuning = theory_calls()
         .into_iter()

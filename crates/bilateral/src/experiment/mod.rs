@@ -48,7 +48,7 @@ pub enum Push {
     ThroughArm,
 }
 
-/// An experiment as it is wished for.
+/// An experiment as it is asked for.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CuttingInputs {
     /// `M` of `C_h1 = 1 / (M s² + B s)`, kg.

@@ -1,6 +1,6 @@
 //! The search behind [`super::propose`]: candidates, what they fail at, and how light they may get.
 
-use super::{ClayPoint, Obstacle, Proposal, TuningError, Wish};
+use super::{ClayPoint, Obstacle, Proposal, TuningError, TuningTarget};
 use crate::closed_loop::{ClosedLoop, LoopError};
 use crate::compensators::{Sides, compensators};
 use crate::delay::{DelayMargin, NoMargin};
@@ -39,11 +39,11 @@ struct Verdict {
 
 /// A search under way, which asks before each candidate in each clay whether to go on.
 pub(super) struct Search<'a> {
-    pub(super) wish: &'a Wish,
+    pub(super) target: &'a TuningTarget,
     pub(super) go_on: &'a mut dyn FnMut() -> ControlFlow<()>,
 }
 
-impl Wish {
+impl TuningTarget {
     /// A grid over the clay ranges, `per_range` values each, ends included.
     pub(super) fn clays(&self, per_range: usize) -> Vec<ClayPoint> {
         let values = |[low, high]: [f64; 2]| -> Vec<f64> {
@@ -99,7 +99,7 @@ impl Search<'_> {
         for shape_s in SHAPES_S {
             let heaviest = Candidate {
                 shape_s,
-                impedance_n_s_per_m: self.wish.heaviest_n_s_per_m,
+                impedance_n_s_per_m: self.target.heaviest_n_s_per_m,
             };
             if let Some((distance, obstacle)) = self.first_obstacle(heaviest, clays)? {
                 if least_bad
@@ -120,7 +120,7 @@ impl Search<'_> {
         }
         let (_, candidate, obstacle) =
             least_bad.expect("a shape that does not do leaves its obstacle");
-        Err(self.wish.not_within(candidate, obstacle))
+        Err(self.target.not_within(candidate, obstacle))
     }
 
     /// Goes down from a candidate that does; stops where a step no longer does, and halves that step.
@@ -188,7 +188,7 @@ impl Search<'_> {
             delay_margin: DelayMargin::Unbounded,
             impedance_n_s_per_m: candidate.impedance_n_s_per_m,
         };
-        for clay in self.wish.clays(CHECKED) {
+        for clay in self.target.clays(CHECKED) {
             let verdict = self.verdict(candidate, clay)?;
             if let Some(obstacle) = verdict.obstacle {
                 return Ok(Assessment::Fails { clay, obstacle });
@@ -213,11 +213,11 @@ impl Search<'_> {
         if (self.go_on)().is_break() {
             return Err(TuningError::CalledOff);
         }
-        let sides = self.wish.sides(candidate)?;
+        let sides = self.target.sides(candidate)?;
         let t_t = Polynomial::new(&[clay.damping_n_s_per_m, clay.stiffness_n_per_m])
             .map_err(LoopError::Polynomial)?;
-        let closed_loop = ClosedLoop::new(&sides, &self.wish.t_h, &t_t)?;
-        let delay_margin = closed_loop.delay_margin(self.wish.scheme)?;
+        let closed_loop = ClosedLoop::new(&sides, &self.target.t_h, &t_t)?;
+        let delay_margin = closed_loop.delay_margin(self.target.scheme)?;
         let failed = |distance, obstacle| {
             Ok(Verdict {
                 distance,
@@ -232,22 +232,22 @@ impl Search<'_> {
             DelayMargin::None(NoMargin::UnstableAdmittance) => {
                 return failed(-1.0, Obstacle::UnstableAdmittance);
             }
-            DelayMargin::Finite { seconds, .. } if seconds <= self.wish.round_trip_s => {
+            DelayMargin::Finite { seconds, .. } if seconds <= self.target.round_trip_s => {
                 let obstacle = Obstacle::Delay {
                     margin_s: seconds,
-                    wanted_s: self.wish.round_trip_s,
+                    wanted_s: self.target.round_trip_s,
                     clay,
                 };
                 // Ranks behind every stable candidate, and the sooner lost the further.
-                return failed(seconds / self.wish.round_trip_s - 1.0, obstacle);
+                return failed(seconds / self.target.round_trip_s - 1.0, obstacle);
             }
             DelayMargin::Finite { .. } | DelayMargin::Unbounded => {}
         }
         let distance =
-            closed_loop.least_distance_within(self.wish.scheme, self.wish.round_trip_s)?;
-        let obstacle = (distance < self.wish.distance).then_some(Obstacle::Distance {
+            closed_loop.least_distance_within(self.target.scheme, self.target.round_trip_s)?;
+        let obstacle = (distance < self.target.distance).then_some(Obstacle::Distance {
             got: distance,
-            wanted: self.wish.distance,
+            wanted: self.target.distance,
             clay,
         });
         Ok(Verdict {

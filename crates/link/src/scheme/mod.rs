@@ -17,7 +17,7 @@
 //! | [`replica`] | cuts | what became of them, others' cuts | not felt; the server's clay follows a delay later |
 //!
 //! For passivity every port tells true work: how far it moved over a tick, and the force that was really applied meanwhile, after all
-//! limits and ramps. A scheme that reckons with what it wished for would be passive on paper only.
+//! limits and ramps. A scheme that reckons with what it asked for would be passive on paper only.
 
 pub mod force_exchange;
 pub mod position_force;
@@ -177,7 +177,7 @@ pub trait ToolController: Send {
     /// old news.
     fn reference(&mut self, now: Timestamp, port: &ToolPort, remote_gain: f64) -> Vec3;
 
-    /// The tool has moved, perhaps otherwise than the reference wished, and the clay has answered.
+    /// The tool has moved, perhaps otherwise than the reference asked, and the clay has answered.
     fn moved(&mut self, _port: &ToolPort) {}
 
     /// Starts anew with the handle at `handle_position`, m, at rest.

@@ -179,7 +179,7 @@ impl TdpaTool {
     }
 
     /// The velocity that the tool should have, m/s at the handle's port, cost not considered.
-    fn wish(&mut self, port: &ToolPort) -> Vec3 {
+    fn setpoint(&mut self, port: &ToolPort) -> Vec3 {
         let since = self.held_s.min(HELD_S);
         let velocity = if self.held_s < HELD_S {
             self.handle_velocity
@@ -214,18 +214,18 @@ impl ToolController for TdpaTool {
 
     fn reference(&mut self, _now: Timestamp, port: &ToolPort, _remote_gain: f64) -> Vec3 {
         let tick_s = self.coupling.tick_s;
-        let wish = self.wish(port);
+        let setpoint = self.setpoint(port);
         let velocity = port.velocity / self.coupling.position_ratio;
         let resistance = -self.coupling.felt(port.clay_force);
         let slope = resistance_slope(&self.coupling, port);
         let half_mass_kg = 0.5 * self.coupling.felt_mass_kg();
         let afforded = Vec3::from_fn(|axis, _| {
-            let wish = wish[axis];
+            let setpoint = setpoint[axis];
             let cost = Cost {
-                quadratic_j: wish * wish * (tick_s * slope + half_mass_kg),
-                linear_j: tick_s * (resistance[axis] - slope * velocity[axis]) * wish,
+                quadratic_j: setpoint * setpoint * (tick_s * slope + half_mass_kg),
+                linear_j: tick_s * (resistance[axis] - slope * velocity[axis]) * setpoint,
             };
-            wish * cost.affordable_share(self.energy[axis].at_hand.at_hand_j())
+            setpoint * cost.affordable_share(self.energy[axis].at_hand.at_hand_j())
         });
         self.reference += afforded * (self.coupling.position_ratio * tick_s);
         self.reference

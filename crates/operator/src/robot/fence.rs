@@ -1,12 +1,12 @@
 //! Where the robot may go: as far from a singularity as its servos need, and no further.
 //!
 //! Clearance is the least of the posture's measures, from 1 down to 0 at a singularity: of each arm from stretched or folded, and of
-//! the rods from one plane. The fence is the surface of one clearance. On the line from home to a wish, with the fence at `D`, the
-//! handle goes along with the wish up to a margin `w` before the fence and ever less beyond:
+//! the rods from one plane. The fence is the surface of one clearance. On the line from home to a setpoint, with the fence at `D`, the
+//! handle goes along with the setpoint up to a margin `w` before the fence and ever less beyond:
 //!
 //! ```text
-//! place = wish                                        wish <= D - w
-//!       = D - w + w tanh((wish - (D - w)) / w)        beyond
+//! place = setpoint                                        setpoint <= D - w
+//!       = D - w + w tanh((setpoint - (D - w)) / w)        beyond
 //! ```
 //!
 //! Place, speed and acceleration change smoothly, so a handle that runs into its fence is slowed down over the margin, and the hand
@@ -33,15 +33,15 @@ pub(super) struct Fence {
 }
 
 impl Fence {
-    /// What a wish for this displacement, m, comes to, and the joint angles there.
-    pub(super) fn allow(&self, wish: Vec3) -> (Vec3, Vec3) {
-        let far = wish.norm();
-        let outwards = if far == 0.0 { wish } else { wish / far };
+    /// What a setpoint for this displacement, m, comes to, and the joint angles there.
+    pub(super) fn allow(&self, setpoint: Vec3) -> (Vec3, Vec3) {
+        let far = setpoint.norm();
+        let outwards = if far == 0.0 { setpoint } else { setpoint / far };
         let reach = far + MARGIN_M;
         if self.joints_within(outwards * reach).is_some()
-            && let Some(joints) = self.joints_within(wish)
+            && let Some(joints) = self.joints_within(setpoint)
         {
-            return (wish, joints);
+            return (setpoint, joints);
         }
         let (mut edge, mut refused) = (0.0, reach);
         for _ in 0..HALVINGS {

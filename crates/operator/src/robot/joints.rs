@@ -70,13 +70,13 @@ impl Joints {
         tick_s: f64,
     ) {
         let angles = self.posture.joints_rad();
-        let wished = self.wished_rates(angles, target, limits, tick_s);
-        let fastest = wished.amax();
+        let wanted = self.wanted_rates(angles, target, limits, tick_s);
+        let fastest = wanted.amax();
         self.is_slowed = limits.speed_rad_s < fastest;
         let asked = if self.is_slowed {
-            wished * (limits.speed_rad_s / fastest)
+            wanted * (limits.speed_rad_s / fastest)
         } else {
-            wished
+            wanted
         };
         self.sent_to = target;
 
@@ -110,7 +110,7 @@ impl Joints {
     }
 
     /// The rates that lead to the target, slow enough to stop there.
-    fn wished_rates(&self, angles: Vec3, target: Vec3, limits: &ServoLimits, tick_s: f64) -> Vec3 {
+    fn wanted_rates(&self, angles: Vec3, target: Vec3, limits: &ServoLimits, tick_s: f64) -> Vec3 {
         Vec3::from_fn(|j, _| {
             let following = turn(self.sent_to[j], target[j]) / tick_s;
             let behind = turn(angles[j], self.sent_to[j]);

@@ -2,7 +2,7 @@
 //! docs/papers.md.
 //!
 //! ```text
-//!   v_h ──G_h──> wish ──fence──> place ──inverse kinematics──> joint servos ──tau──> arms ──> platform
+//!   v_h ──G_h──> setpoint ──fence──> place ──inverse kinematics──> joint servos ──tau──> arms ──> platform
 //!                  └──resistance──> (+) <──f_h── sensor <── hand ──J^T──> joints
 //!                                    └──> what the loop takes for the hand's force
 //! ```
@@ -11,7 +11,7 @@
 //! the joints are sent where inverse kinematics put them, one tick ahead, and hold the hand's force by `tau = -J^T f_h`. Where a joint
 //! would have to turn too fast it lags; where a hand is stronger than the servos, it moves them.
 //!
-//! Near a singularity the robot slows down before its fence and resists: what the loop wishes beyond becomes a spring's force on it, so
+//! Near a singularity the robot slows down before its fence and resists: what the loop asks for beyond it becomes a spring's force on it, so
 //! that the loop feels the hand balanced, goes no further, and comes back at once. It says so in its [`RobotState`].
 
 mod fence;
@@ -26,10 +26,10 @@ use crate::{Axes, DeviceSample, SimulatedHandleError, Vec3};
 use fence::{Fence, clearance, nearest};
 use joints::{Grip, Joints};
 
-/// Pull towards the fence per metre that the loop wishes beyond it, N/m: a palm's width holds the strongest hand of the simulated
+/// Pull towards the fence per metre that the loop asks for beyond it, N/m: a palm's width holds the strongest hand of the simulated
 /// person, and the loop with the paper's servos keeps 50 degrees of phase.
 const RESISTANCE_N_PER_M: f64 = 200.0;
-/// Beside it, N s/m, once the wish is as far out as [`ENTRY_M`].
+/// Beside it, N s/m, once the setpoint is as far out as [`ENTRY_M`].
 const RESISTANCE_N_S_PER_M: f64 = 25.0;
 const ENTRY_M: f64 = 0.02;
 
@@ -127,7 +127,7 @@ pub struct RobotState {
     pub clearance: f64,
     /// Which is nearest.
     pub nearest: Singularity,
-    /// The fence holds it: the loop wishes it nearer.
+    /// The fence holds it: the loop asks for a place nearer.
     pub is_held: bool,
     /// A joint turned as fast as it may in the last tick, and the handle lags.
     pub is_slowed: bool,
@@ -145,7 +145,7 @@ pub struct RobotHandle {
     plants: [DiscreteStateSpace<2>; 3],
     states: [State; 3],
     commands: Vec3,
-    /// What is wished beyond the fence, m.
+    /// How far the setpoint lies beyond the fence, m.
     beyond: Vec3,
     joints: Joints,
     arm: Arm,
@@ -269,9 +269,9 @@ impl RobotHandle {
             self.plants[axis].advance(&mut self.states[axis], self.commands[axis]);
         }
         self.person.pass_tick();
-        let wish = self.wish();
-        let (allowed, target) = self.fence.allow(wish);
-        self.beyond = wish - allowed;
+        let setpoint = self.setpoint();
+        let (allowed, target) = self.fence.allow(setpoint);
+        self.beyond = setpoint - allowed;
         let Self {
             limits,
             fence,
@@ -317,12 +317,12 @@ impl RobotHandle {
     }
 
     /// Where the paper's servo would have the handle, m from home.
-    fn wish(&self) -> Vec3 {
-        let mut wish = self.servos(0);
+    fn setpoint(&self) -> Vec3 {
+        let mut setpoint = self.servos(0);
         if self.person.axes() == Axes::Two {
-            wish.z = self.person.lift_m();
+            setpoint.z = self.person.lift_m();
         }
-        wish
+        setpoint
     }
 
     fn servos(&self, output: usize) -> Vec3 {

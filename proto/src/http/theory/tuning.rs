@@ -1,4 +1,4 @@
-//! A wish for a handle, and the handle that fulfils it.
+//! A target for a handle, and the handle that meets it.
 
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
@@ -59,7 +59,7 @@ pub struct TuningRequest {
     pub heaviest_n_s_per_m: f64,
 }
 
-/// The lightest handle that fulfils the wish.
+/// The lightest handle that meets the target.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TuningAnswer {
@@ -69,7 +69,7 @@ pub struct TuningAnswer {
     pub damping_n_s_per_m: f64,
     /// `C_h1 = 1 / (M s² + B s)`.
     pub c_h1: TransferFunction,
-    /// Distance that it keeps in the least favourable clay, over every delay up to the wish's.
+    /// Distance that it keeps in the least favourable clay, over every delay up to the target's.
     pub distance: f64,
     /// Shortest delay margin over the clay range, s; `null` when unbounded.
     pub delay_margin_s: Option<f64>,

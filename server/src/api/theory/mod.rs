@@ -141,7 +141,7 @@ async fn analyse(
 
 /// The lightest handle that keeps a margin
 ///
-/// Proposes mass and damping of `C_h1`, or says what stands against the wish.
+/// Proposes mass and damping of `C_h1`, or says what stands against the target.
 #[utoipa::path(
     post, path = "/analysis/tuning", tag = "theory",
     request_body = TuningRequest,

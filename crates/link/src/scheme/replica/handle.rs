@@ -12,7 +12,7 @@ use teleclay_proto::frame::{
 use super::STALE;
 use crate::Vec3;
 use crate::deadband::Signal;
-use crate::motion_limiter::{MotionLimiter, Recovery, Wish};
+use crate::motion_limiter::{MotionLimiter, Recovery, Setpoint};
 use crate::replica::{
     Copy, CorrectionLimits, Cut, Edge, Novelty, SweepInbox, SweepLog, ToolSetup, WINDOW,
 };
@@ -353,12 +353,12 @@ impl ReplicaHandle {
 
         let before = self.motion_limiter.at();
         let reference = port.position * self.coupling.position_ratio;
-        let wish = Wish {
+        let setpoint = Setpoint {
             reference,
             recovery: Recovery::Absolute,
             lift_m: self.setup.is_lifted.then_some(reference.z),
         };
-        let at = self.motion_limiter.step(wish, self.gain);
+        let at = self.motion_limiter.step(setpoint, self.gain);
         let velocity = (at - before) / tick_s;
         let Some(copy) = &mut self.copy else {
             return Vec3::zeros();
