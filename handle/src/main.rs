@@ -96,8 +96,8 @@ async fn hold(arguments: Arguments, intent: Intent) -> ExitCode {
             return ExitCode::FAILURE;
         }
     };
-    let (events, told) = mpsc::unbounded_channel();
-    let teller = tokio::spawn(tell(told, arguments.json, stop));
+    let (events, emitted) = mpsc::unbounded_channel();
+    let printer = tokio::spawn(print(emitted, arguments.json, stop));
     let kind = arguments.device;
     let options = Options {
         operator: arguments.operator_name(),
@@ -117,8 +117,8 @@ async fn hold(arguments: Arguments, intent: Intent) -> ExitCode {
         deadline: arguments.seconds.map(|seconds| Instant::now() + seconds),
     };
     let Ending { summary, outcome } = run(options, until, events).await;
-    // The channel closed with the run, so the teller ends; it cannot panic.
-    let _ = teller.await;
+    // The channel closed with the run, so the printer ends; it cannot panic.
+    let _ = printer.await;
 
     let line = if arguments.json {
         json("summary", &summary)
@@ -137,8 +137,8 @@ async fn hold(arguments: Arguments, intent: Intent) -> ExitCode {
 }
 
 /// Puts events where they belong: status lines to stdout, the rest to the log.
-async fn tell(mut told: UnboundedReceiver<Event>, as_json: bool, stop: watch::Sender<bool>) {
-    while let Some(event) = told.recv().await {
+async fn print(mut emitted: UnboundedReceiver<Event>, as_json: bool, stop: watch::Sender<bool>) {
+    while let Some(event) = emitted.recv().await {
         match event {
             Event::Status(status) if as_json => {
                 if io::stdout()

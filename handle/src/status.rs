@@ -146,7 +146,7 @@ pub struct RobotStatus {
 }
 
 /// Counts everything.
-pub(crate) struct Tally {
+pub(crate) struct Metrics {
     period_ns: u64,
     recent: Times,
     whole: Times,
@@ -209,7 +209,7 @@ impl RobotTally {
     }
 }
 
-impl Tally {
+impl Metrics {
     pub(crate) fn new() -> Self {
         Self {
             period_ns: u64::MAX,
@@ -499,51 +499,51 @@ mod tests {
         }
     }
 
-    fn running() -> Tally {
-        let mut tally = Tally::new();
-        tally.on_thread(Duration::from_millis(1), "normal, as asked");
-        tally.on_lease(1);
-        tally
+    fn running() -> Metrics {
+        let mut metrics = Metrics::new();
+        metrics.on_thread(Duration::from_millis(1), "normal, as asked");
+        metrics.on_lease(1);
+        metrics
     }
 
     #[test]
     fn a_tick_is_late_when_it_starts_more_than_a_period_after_its_deadline() {
-        let mut tally = running();
+        let mut metrics = running();
         for lateness_ns in [0, 1_000_000, 1_000_001] {
-            tally.add(&record(1, lateness_ns, 1));
+            metrics.add(&record(1, lateness_ns, 1));
         }
-        tally.add(&Record {
+        metrics.add(&Record {
             given_up: 60,
             ..record(1, 60_000_000, 2)
         });
-        let summary = tally.summary(Duration::from_secs(1), None);
+        let summary = metrics.summary(Duration::from_secs(1), None);
         assert_eq!((summary.ticks, summary.late_ticks), (4, 62));
     }
 
     #[test]
     fn counts_go_on_over_leases_and_a_seat_that_is_being_left_adds_nothing() {
-        let mut tally = running();
-        tally.add(&record(1, 0, 100));
-        tally.on_lease(2);
-        tally.add(&record(1, 0, 100));
-        tally.add(&record(2, 0, 7));
-        let summary = tally.summary(Duration::from_secs(1), None);
+        let mut metrics = running();
+        metrics.add(&record(1, 0, 100));
+        metrics.on_lease(2);
+        metrics.add(&record(1, 0, 100));
+        metrics.add(&record(2, 0, 7));
+        let summary = metrics.summary(Duration::from_secs(1), None);
         assert_eq!((summary.received, summary.lost, summary.joins), (107, 2, 2));
     }
 
     #[test]
     fn a_status_is_of_the_last_second_and_the_summary_of_all() {
-        let mut tally = running();
-        tally.add(&record(1, 0, 1));
-        assert!((tally.status(Duration::from_secs(1), None).rtt_s.p50 - 3e-4).abs() < 1e-6);
-        tally.add(&Record {
+        let mut metrics = running();
+        metrics.add(&record(1, 0, 1));
+        assert!((metrics.status(Duration::from_secs(1), None).rtt_s.p50 - 3e-4).abs() < 1e-6);
+        metrics.add(&Record {
             heard: Heard::default(),
             felt_force_n: [0.0; 3],
             ..record(1, 0, 1)
         });
-        let second = tally.status(Duration::from_secs(2), None);
+        let second = metrics.status(Duration::from_secs(2), None);
         assert!(second.rtt_s.max <= 0.0 && second.felt_force_max_n <= 0.0);
-        let summary = tally.summary(Duration::from_secs(2), None);
+        let summary = metrics.summary(Duration::from_secs(2), None);
         assert!((summary.reaction_s.p99 - 8e-4).abs() < 2e-6);
         assert!((summary.felt_force_max_n - 5.0).abs() < 1e-12);
         assert!(

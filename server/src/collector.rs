@@ -331,7 +331,7 @@ impl State {
             }
             let before = shared.last_record();
             publish(shared, &before, &record);
-            tell_transitions(shared, &before, &record);
+            emit_transitions(shared, &before, &record);
             let mut stats = shared.stats.lock().expect("no holder panics");
             stats.rtt.turn(now);
             stats.age.turn(now);
@@ -414,7 +414,7 @@ fn corrected_since(before: Option<&ToolRecord>, tool: &ToolRecord) -> f64 {
     if since_n < 0.0 { moved_n } else { since_n }
 }
 
-fn tell_transitions(shared: &SessionShared, before: &SessionRecord, after: &SessionRecord) {
+fn emit_transitions(shared: &SessionShared, before: &SessionRecord, after: &SessionRecord) {
     for place in 0..MAX_PLACES {
         let was = before.tools[place]
             .filter(|tool| tool.is_connected)
@@ -423,11 +423,11 @@ fn tell_transitions(shared: &SessionShared, before: &SessionRecord, after: &Sess
             .filter(|tool| tool.is_connected)
             .map(|tool| tool.lease);
         if was != is {
-            shared.tell_connection(place, is.is_some());
+            shared.emit_connection(place, is.is_some());
         }
     }
     if let (None, Some(field)) = (before.fault, after.fault) {
-        shared.tell_fault(field);
+        shared.emit_fault(field);
     }
 }
 

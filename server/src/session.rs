@@ -182,8 +182,8 @@ impl SessionShared {
         });
     }
 
-    /// Tells watchers and the log.
-    pub(crate) fn tell(&self, level: Level, text: String) {
+    /// Emits an event to watchers and to the log.
+    pub(crate) fn emit(&self, level: Level, text: String) {
         match level {
             Level::Info => tracing::info!(session = %self.id, "{text}"),
             Level::Warning => tracing::warn!(session = %self.id, "{text}"),
@@ -203,24 +203,24 @@ impl SessionShared {
         self.ticks.store(ticks, Ordering::Relaxed);
     }
 
-    pub(crate) fn tell_connection(&self, place: usize, is_connected: bool) {
+    pub(crate) fn emit_connection(&self, place: usize, is_connected: bool) {
         let operator = self.settings().places[place]
             .as_ref()
             .map(|lease| lease.operator.clone());
         let operator = operator.unwrap_or_else(|| "the operator".to_owned());
         let tool = tool_id(place);
         if is_connected {
-            self.tell(Level::Info, format!("{operator} holds tool {tool}"));
+            self.emit(Level::Info, format!("{operator} holds tool {tool}"));
         } else {
-            self.tell(
+            self.emit(
                 Level::Warning,
                 format!("no frame from {operator}: tool {tool} stopped"),
             );
         }
     }
 
-    pub(crate) fn tell_fault(&self, field: &str) {
-        self.tell(
+    pub(crate) fn emit_fault(&self, field: &str) {
+        self.emit(
             Level::Error,
             format!("{field} is not finite: forces are zero until a fresh block"),
         );

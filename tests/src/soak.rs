@@ -106,7 +106,7 @@ impl Memory {
 ///
 /// # Errors
 /// Something that should run does not, or the volume balance did not hold.
-pub fn run(warm_up: Duration, seconds: Duration, tell: impl Fn(&Report)) -> Result<Report> {
+pub fn run(warm_up: Duration, seconds: Duration, emit: impl Fn(&Report)) -> Result<Report> {
     let server = Server::on_free_ports()?;
     let handle = Handle::start(&HandleOptions::new(&server.endpoint()))?;
     let client = &server.client;
@@ -160,7 +160,7 @@ pub fn run(warm_up: Duration, seconds: Duration, tell: impl Fn(&Report)) -> Resu
         report.reopened = watchers.reopened.load(Ordering::Relaxed);
         if next_word <= time {
             next_word = time + Duration::from_secs(30);
-            tell(&report);
+            emit(&report);
         }
     }
     watchers.stop()?;

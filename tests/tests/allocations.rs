@@ -145,12 +145,12 @@ async fn the_steady_tick_allocates_nothing_at_either_end() {
     let data = std::env::temp_dir().join(format!("teleclay-allocations-{}", std::process::id()));
     let server = Server::start(settings(ports, data.clone())).await.unwrap();
     let (stop, stopped) = tokio::sync::watch::channel(false);
-    let (tell, _told) = tokio::sync::mpsc::unbounded_channel();
+    let (emit, _emitted) = tokio::sync::mpsc::unbounded_channel();
     let until = Until {
         stop: stopped,
         deadline: None,
     };
-    let handle = tokio::spawn(teleclay_handle::run(options(ports), until, tell));
+    let handle = tokio::spawn(teleclay_handle::run(options(ports), until, emit));
     let client = Client::new(server.address, None);
     // A line with everything that a line can do, so that frames wait in it.
     let line = json!({

@@ -77,9 +77,9 @@ impl Run {
         let (line, attachment) = Line::open(&self.control, slow, self.clock, grant, gone).await?;
         self.refreshing = None;
         self.revision = parameters.revision;
-        self.tally.on_lease(line.grant.granted.lease);
+        self.metrics.on_lease(line.grant.granted.lease);
         self.line = Some(line);
-        self.tell(joined);
+        self.emit(joined);
 
         let fitting = self
             .rig
@@ -106,9 +106,9 @@ impl Run {
             spin: self.options.spin,
         };
         let ticker = engine.spawn(self.clock, config)?;
-        self.tally.on_thread(period, ticker.scheduler());
+        self.metrics.on_thread(period, ticker.scheduler());
         let scheduler = ticker.scheduler().to_owned();
-        self.tell(Event::Ticking {
+        self.emit(Event::Ticking {
             device: name,
             tick_s: setup.tick_s,
             scheduler,

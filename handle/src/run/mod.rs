@@ -33,14 +33,14 @@ use crate::line::Line;
 use crate::recording::Recording;
 use crate::refresh::Fresh;
 use crate::singularity::SingularityMonitor;
-use crate::status::{State, Status, Tally};
+use crate::status::{Metrics, State, Status};
 
 pub use failure::{EXIT_CODES, Failure};
 
 /// How often the tick's records are read: soon enough for a person, and the ring holds two hundred times as many.
 const READ_EVERY: Duration = Duration::from_millis(20);
 /// How often the state is told.
-const TELL_EVERY: Duration = Duration::from_secs(1);
+const STATUS_EVERY: Duration = Duration::from_secs(1);
 /// Bringing the handle to rest takes 0.3 s at most.
 const REST_WITHIN: Duration = Duration::from_millis(500);
 /// Ticks that say goodbye at least: enough for one of them to get through a line that loses every second frame.
@@ -117,7 +117,7 @@ pub async fn run(options: Options, mut until: Until, events: UnboundedSender<Eve
     // A fault met while leaving is one all the same.
     let outcome = outcome.and(is_over);
     let state = outcome.is_ok().then_some(State::Leaving);
-    let summary = run.tally.summary(started.elapsed(), state);
+    let summary = run.metrics.summary(started.elapsed(), state);
     run.close().await;
     Ending { summary, outcome }
 }
@@ -141,7 +141,7 @@ struct Run {
     /// Queries and liveliness while frames fly, on an endpoint of its own.
     slow: Option<(String, Session)>,
     events: UnboundedSender<Event>,
-    tally: Tally,
+    metrics: Metrics,
     rig: Option<Rig>,
     line: Option<Line>,
     searching: Option<Searching>,
@@ -180,7 +180,7 @@ impl Run {
             control,
             slow: None,
             events,
-            tally: Tally::new(),
+            metrics: Metrics::new(),
             rig: None,
             line: None,
             searching: None,
@@ -207,7 +207,7 @@ impl Run {
     /// Until the end that was asked for.
     async fn attend(&mut self, until: &mut Until) -> Result<(), Failure> {
         let mut read = steady(READ_EVERY);
-        let mut tell = steady(TELL_EVERY);
+        let mut status = steady(STATUS_EVERY);
         loop {
             tokio::select! {
                 biased;
@@ -220,7 +220,7 @@ impl Run {
                 }
                 reply = finished(&mut self.freshening) => {
                     self.freshening = None;
-                    self.tell(match reply {
+                    self.emit(match reply {
                         Ok(FreshReply::Fresh { epoch }) => Event::FreshClay { epoch },
                         Ok(FreshReply::Refused { reason }) | Err(reason) => Event::NoFreshClay { reason },
                     });
@@ -231,10 +231,10 @@ impl Run {
                     self.on_refreshed(fresh);
                 }
                 _ = read.tick() => self.read()?,
-                _ = tell.tick() => {
+                _ = status.tick() => {
                     let state = self.searching.is_some().then_some(State::Joining);
-                    let status = self.tally.status(self.started.elapsed(), state);
-                    self.tell(Event::Status(Box::new(status)));
+                    let status = self.metrics.status(self.started.elapsed(), state);
+                    self.emit(Event::Status(Box::new(status)));
                 }
             }
         }
@@ -261,12 +261,12 @@ impl Run {
             let _ = rig.ends.orders.push(Order::Leave);
             outcome = self.read();
             self.mode = Mode::Braking;
-            let enough = self.tally.ticks() + GOODBYES;
+            let enough = self.metrics.ticks() + GOODBYES;
             let patience = Instant::now() + REST_WITHIN;
             let mut read = steady(READ_EVERY);
             // The handle comes to rest and says goodbye whatever the fault; a thread that has ended cannot.
             while matches!(outcome, Ok(()) | Err(Failure::Fault(_)))
-                && (self.mode != Mode::Resting || self.tally.ticks() < enough)
+                && (self.mode != Mode::Resting || self.metrics.ticks() < enough)
                 && Instant::now() < patience
             {
                 read.tick().await;
@@ -289,7 +289,7 @@ impl Run {
         close(&self.control).await;
     }
 
-    fn tell(&self, event: Event) {
+    fn emit(&self, event: Event) {
         // Whoever listened has gone: then nobody needs to know.
         let _ = self.events.send(event);
     }

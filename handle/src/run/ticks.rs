@@ -34,7 +34,7 @@ impl Run {
         }
         let failure = rig.ends.failures.pop().ok();
         if let Some(line) = &self.line {
-            self.tally.observe(line);
+            self.metrics.observe(line);
         }
         self.write_down(&records);
         let mut outcome = Ok(());
@@ -61,12 +61,12 @@ impl Run {
         if let Err(error) = written {
             self.options.recording = None;
             let reason = error.to_string();
-            self.tell(Event::RecordingEnded { reason });
+            self.emit(Event::RecordingEnded { reason });
         }
     }
 
     fn on_record(&mut self, record: &Record) -> Result<(), Failure> {
-        self.tally.add(record);
+        self.metrics.add(record);
         self.mode = record.mode;
         if let Some(fault) = record.fault {
             return Err(Failure::Fault(fault));
@@ -74,11 +74,11 @@ impl Run {
         if let Some(robot) = &record.robot
             && let Some(event) = self.singularity.watch(record.at_ns, robot)
         {
-            self.tell(event);
+            self.emit(event);
         }
         if record.request == Some(DeviceRequest::FreshClay) {
-            let rounds = self.tally.on_round();
-            self.tell(Event::RoundFinished { rounds });
+            let rounds = self.metrics.on_round();
+            self.emit(Event::RoundFinished { rounds });
             self.ask_for_fresh_clay();
         }
         if self.is_leaving {
@@ -143,7 +143,7 @@ impl Run {
             took,
         } = match fresh {
             Ok(fresh) => fresh,
-            Err(reason) => return self.tell(Event::NotRefreshed { reason }),
+            Err(reason) => return self.emit(Event::NotRefreshed { reason }),
         };
         // Orders that find no room are lost, and what they carried is asked for again: the tick goes on wanting it.
         if let Some(changed) = parameters
@@ -160,7 +160,7 @@ impl Run {
         let Some(snapshot) = snapshot else { return };
         let epoch = snapshot.epoch;
         if orders.push(Order::LoadSnapshot { lease, snapshot }).is_ok() {
-            self.tell(Event::Copied {
+            self.emit(Event::Copied {
                 epoch,
                 took_s: took.as_secs_f64(),
             });
@@ -184,7 +184,7 @@ impl Run {
         }
         if self.searching.is_none() {
             self.lost_at.get_or_insert_with(Instant::now);
-            self.tell(Event::ServerGone);
+            self.emit(Event::ServerGone);
             self.search();
         }
     }
@@ -212,7 +212,7 @@ impl Run {
                     self.lost_at = None;
                 }
                 let was_on_copy = matches!(before, LinkState::OnCopy | LinkState::OnStaleCopy);
-                self.tell(match after_s {
+                self.emit(match after_s {
                     Some(after_s) if was_on_copy => Event::Together { after_s },
                     _ => Event::Live {
                         lease: record.lease,
@@ -226,15 +226,15 @@ impl Run {
                     .line
                     .as_ref()
                     .map_or(0.0, |line| line.grant.granted.parameters.silence_s);
-                self.tell(if record.link_state == LinkState::Silent {
+                self.emit(if record.link_state == LinkState::Silent {
                     Event::Silent { silence_s }
                 } else {
                     Event::OnCopy { silence_s }
                 });
             }
-            LinkState::OnStaleCopy => self.tell(Event::OnStaleCopy),
-            LinkState::Paused => self.tell(Event::Paused),
-            LinkState::Fault => self.tell(Event::SessionFault),
+            LinkState::OnStaleCopy => self.emit(Event::OnStaleCopy),
+            LinkState::Paused => self.emit(Event::Paused),
+            LinkState::Fault => self.emit(Event::SessionFault),
         }
     }
 

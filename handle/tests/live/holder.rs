@@ -135,7 +135,7 @@ impl Holder {
         opened: Arc<Mutex<Vec<DeviceSetup>>>,
     ) -> Self {
         let (stop, stopped) = watch::channel(false);
-        let (tell, events) = unbounded_channel();
+        let (emit, events) = unbounded_channel();
         let options = Options {
             connect: endpoint.to_owned(),
             session: SessionId::new("demo").expect("a name"),
@@ -154,7 +154,7 @@ impl Holder {
             stop: stopped,
             deadline,
         };
-        let ending = tokio::spawn(teleclay_handle::run(options, until, tell));
+        let ending = tokio::spawn(teleclay_handle::run(options, until, emit));
         Self {
             events,
             stop,

@@ -225,7 +225,7 @@ impl Desk {
                 session,
                 self.keys.clay_fresh(),
                 move |FreshRequest { lease }| {
-                    fresh.tell(Seen::Fresh(lease));
+                    fresh.emit(Seen::Fresh(lease));
                     bytes(&*fresh.mood.fresh.lock().unwrap())
                 },
             )
@@ -234,7 +234,7 @@ impl Desk {
     }
 
     fn join(&self, request: JoinRequest) -> Vec<u8> {
-        self.tell(Seen::Join(request));
+        self.emit(Seen::Join(request));
         let parameters = match &*self.mood.door.lock().unwrap() {
             Door::Open(parameters) => **parameters,
             Door::Says(bytes) => return bytes.clone(),
@@ -257,7 +257,7 @@ impl Desk {
     }
 
     fn leave(&self, LeaveRequest { lease }: LeaveRequest) -> LeaveReply {
-        self.tell(Seen::Leave(lease));
+        self.emit(Seen::Leave(lease));
         let left = self
             .lease
             .compare_exchange(lease, 0, Ordering::Relaxed, Ordering::Relaxed);
@@ -297,7 +297,7 @@ impl Desk {
         receive(control, self.keys.tool_up(TOOL), arrived).await
     }
 
-    fn tell(&self, seen: Seen) {
+    fn emit(&self, seen: Seen) {
         // A server that is being dropped has no eyes any more.
         let _ = self.saw.send(seen);
     }
@@ -319,11 +319,11 @@ impl Tool {
         }
         if self.greeted != lease {
             self.greeted = lease;
-            self.desk.tell(Seen::FirstFrame(lease));
+            self.desk.emit(Seen::FirstFrame(lease));
         }
         if frame.engagement == Engagement::Leaving && self.left != lease {
             self.left = lease;
-            self.desk.tell(Seen::Goodbye(lease));
+            self.desk.emit(Seen::Goodbye(lease));
         }
         let speech = *self.desk.mood.speech.lock().unwrap();
         if speech == Speech::Silence {

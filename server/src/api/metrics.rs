@@ -62,8 +62,8 @@ fn write_server(api: &Api) {
     gauge!("teleclay_loop_running").set(one_if(readiness.loop_running));
     gauge!("teleclay_zenoh_up").set(one_if(readiness.zenoh_up));
 
-    let tally = api.tally();
-    for (answered, count) in tally.answered() {
+    let counts = api.metrics();
+    for (answered, count) in counts.answered() {
         let labels = [
             ("method", answered.method.to_owned()),
             ("route", answered.route.to_string()),
@@ -71,15 +71,15 @@ fn write_server(api: &Api) {
         ];
         counter!("teleclay_http_requests_total", &labels).absolute(count);
     }
-    for (session, count) in tally.watchers() {
+    for (session, count) in counts.watchers() {
         gauge!("teleclay_watchers", "session" => session.to_string()).set(count as f64);
     }
     gauge!("teleclay_watchers_limit").set(MAX_WATCHERS as f64);
-    for (reason, count) in tally.ended() {
+    for (reason, count) in counts.ended() {
         counter!("teleclay_streams_ended_total", "reason" => reason).absolute(count);
     }
-    counter!("teleclay_stream_sent_bytes_total").absolute(tally.sent_bytes());
-    counter!("teleclay_stream_dropped_samples_total").absolute(tally.dropped());
+    counter!("teleclay_stream_sent_bytes_total").absolute(counts.sent_bytes());
+    counter!("teleclay_stream_dropped_samples_total").absolute(counts.dropped());
 }
 
 fn write_session(session: &Session) {

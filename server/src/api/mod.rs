@@ -10,7 +10,7 @@
 //! | [`guard`] | host, origin and token |
 //! | [`problem`] | every way to fail |
 //! | [`body`] | what comes in, checked |
-//! | [`tally`] | what the interface counts of itself |
+//! | [`http_metrics`] | what the interface counts of itself |
 //! | [`listener`], [`stall`] | connections: how many, how long, how much may wait in them |
 //!
 //! A request passes, from the outside in: headers for the answer, the count, a net for panics, the time limit, host and
@@ -23,6 +23,7 @@ mod dashboard;
 mod docs;
 mod guard;
 mod health;
+mod http_metrics;
 mod listener;
 mod metrics;
 mod openapi;
@@ -31,7 +32,6 @@ mod problem;
 mod sessions;
 mod stall;
 mod stream;
-mod tally;
 mod theory;
 
 use std::any::Any;
@@ -50,8 +50,8 @@ use tower_http::catch_panic::CatchPanicLayer;
 use utoipa_axum::router::OpenApiRouter;
 
 use self::body::MAX_BODY;
+use self::http_metrics::HttpMetrics;
 use self::problem::{Failure, INTERNAL, METHOD, NO_ANSWER};
-use self::tally::Tally;
 use self::theory::ComputePool;
 use crate::directory::Directory;
 
@@ -118,7 +118,7 @@ pub fn router(directory: Directory, config: ApiConfig) -> Router {
         ))
         .layer(from_fn(limit_time))
         .layer(CatchPanicLayer::custom(explain_panic))
-        .layer(from_fn_with_state(api.clone(), tally::count))
+        .layer(from_fn_with_state(api.clone(), http_metrics::count))
         .layer(from_fn(add_headers))
         .with_state(api)
 }
@@ -144,7 +144,7 @@ pub(crate) struct Api(Arc<Inner>);
 struct Inner {
     directory: Directory,
     config: ApiConfig,
-    tally: Tally,
+    metrics: HttpMetrics,
     watcher_places: Arc<Semaphore>,
     model_places: Arc<Semaphore>,
     compute: ComputePool,
@@ -164,7 +164,7 @@ impl Api {
         Self(Arc::new(Inner {
             directory,
             config,
-            tally: Tally::default(),
+            metrics: HttpMetrics::default(),
             watcher_places: Arc::new(Semaphore::new(MAX_WATCHERS)),
             model_places: Arc::new(Semaphore::new(MAX_MODELS)),
             compute: ComputePool::default(),
@@ -180,8 +180,8 @@ impl Api {
         &self.0.config
     }
 
-    pub(crate) fn tally(&self) -> &Tally {
-        &self.0.tally
+    pub(crate) fn metrics(&self) -> &HttpMetrics {
+        &self.0.metrics
     }
 
     pub(crate) fn watcher_places(&self) -> &Arc<Semaphore> {

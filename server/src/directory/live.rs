@@ -179,7 +179,7 @@ impl Live {
             }),
         })
         .await?;
-        self.shared.tell(Level::Info, "a fresh block".to_owned());
+        self.shared.emit(Level::Info, "a fresh block".to_owned());
         self.record_of_epoch(clay_epoch).await;
         self.still_there()?;
         Ok(self.state())
@@ -254,7 +254,7 @@ impl Live {
             }
         };
         let Some(ended) = ended else { return };
-        self.shared.tell(
+        self.shared.emit(
             Level::Info,
             format!(
                 "{} {because}: tool {} is free",

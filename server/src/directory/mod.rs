@@ -207,7 +207,7 @@ impl Directory {
         entry
             .live
             .shared
-            .tell(Level::Warning, "the session was deleted".to_owned());
+            .emit(Level::Warning, "the session was deleted".to_owned());
         notify(&self.0.notices, Notice::Removed(session));
         // The session is out of the directory either way; a loop that is late only keeps it a little longer.
         let _ = self.0.order(Order::Remove { session }).await;

@@ -31,12 +31,12 @@ use utoipa_axum::routes;
 use self::watcher::Watcher;
 use super::body::Found;
 use super::guard::subprotocols;
+use super::http_metrics::Watching;
 use super::openapi::refusals;
 use super::problem::{
     Failure, HANDSHAKE, NO_SUCH_SESSION, PATH, SUBPROTOCOL as NO_SUBPROTOCOL, TOO_MANY_WATCHERS,
     UPGRADE,
 };
-use super::tally::Watching;
 use super::{Api, MAX_WATCHERS};
 
 /// Longest message from a watcher, bytes. The longest that means something is a fresh stepped block.
@@ -103,7 +103,7 @@ async fn watch(
                 .serve(socket)
                 .await;
             tracing::debug!(session = %id, reason = end.word(), "stream ended");
-            api.tally().count_ended(end.word());
+            api.metrics().count_ended(end.word());
             drop((watching, place));
         }))
 }

@@ -69,8 +69,8 @@ impl End {
         }
     }
 
-    /// What is said to the watcher, when it can still hear.
-    fn farewell(self) -> Option<CloseFrame> {
+    /// How the stream is closed to the watcher, when it can still hear.
+    fn close_frame(self) -> Option<CloseFrame> {
         let (code, reason) = match self {
             Self::Left | Self::Lost => return None,
             Self::Slow => (4408, "messages were not read for ten seconds"),
@@ -125,9 +125,9 @@ impl Watcher {
     /// Serves the socket until it ends, and says goodbye.
     pub(super) async fn serve(mut self, mut socket: WebSocket) -> End {
         let Err(end) = self.converse(&mut socket).await;
-        if let Some(farewell) = end.farewell() {
+        if let Some(close_frame) = end.close_frame() {
             let goodbye = async {
-                let sent = socket.send(Message::Close(Some(farewell))).await;
+                let sent = socket.send(Message::Close(Some(close_frame))).await;
                 // A connection that is closed with unread bytes in it is reset, and the reason would be lost.
                 while sent.is_ok() && matches!(socket.recv().await, Some(Ok(_))) {}
             };
@@ -147,7 +147,7 @@ impl Watcher {
             server_version: self.api.config().version.clone(),
         };
         self.say(socket, &hello).await?;
-        self.tell_state(socket).await?;
+        self.send_state(socket).await?;
         loop {
             tokio::select! {
                 _ = ticks.tick() => self.tick(socket).await?,
@@ -175,14 +175,14 @@ impl Watcher {
         self.budget.refill(Instant::now());
         if let Some(samples) = &mut self.samples {
             for ready in self.telemetry.drain(samples) {
-                self.api.tally().count_dropped(ready.dropped);
+                self.api.metrics().count_dropped(ready.dropped);
                 self.send(socket, Message::Binary(ready.message.into()))
                     .await?;
             }
         }
         self.ticks_to_state -= 1;
         if self.ticks_to_state == 0 {
-            self.tell_state(socket).await?;
+            self.send_state(socket).await?;
         }
         if self.wants_bricks == Switch::On {
             let most_bytes = self.budget.left_bytes().min(BRICKS_PER_TICK);
@@ -283,7 +283,7 @@ impl Watcher {
         self.wants_bricks = bricks;
     }
 
-    async fn tell_state(&mut self, socket: &mut WebSocket) -> Result<(), End> {
+    async fn send_state(&mut self, socket: &mut WebSocket) -> Result<(), End> {
         self.ticks_to_state = TICKS_PER_STATE;
         let session = Box::new(self.live.state());
         self.say(socket, &ServerText::State { session }).await
@@ -302,7 +302,7 @@ impl Watcher {
             _ => 0,
         };
         self.budget.spend(bytes);
-        self.api.tally().count_sent(bytes);
+        self.api.metrics().count_sent(bytes);
         match timeout(SEND_TIMEOUT, socket.send(message)).await {
             Ok(Ok(())) => Ok(()),
             Ok(Err(_)) => Err(End::Lost),
@@ -366,9 +366,9 @@ mod tests {
 
     #[test]
     fn the_farewell_states_the_limit_that_holds() {
-        let reason = End::TooLong.farewell().unwrap().reason;
+        let reason = End::TooLong.close_frame().unwrap().reason;
         assert!(reason.contains(&MAX_INCOMING.to_string()), "{reason}");
-        let reason = End::Slow.farewell().unwrap().reason;
+        let reason = End::Slow.close_frame().unwrap().reason;
         assert!(reason.contains("ten") && SEND_TIMEOUT.as_secs() == 10);
     }
 }

@@ -23,7 +23,7 @@ pub(crate) struct Answered {
 
 /// Counts since the process started.
 #[derive(Default)]
-pub(crate) struct Tally {
+pub(crate) struct HttpMetrics {
     answered: Mutex<BTreeMap<Answered, u64>>,
     watchers: Mutex<BTreeMap<SessionId, u64>>,
     ended: Mutex<BTreeMap<&'static str, u64>>,
@@ -31,7 +31,7 @@ pub(crate) struct Tally {
     dropped: AtomicU64,
 }
 
-impl Tally {
+impl HttpMetrics {
     pub(crate) fn answered(&self) -> BTreeMap<Answered, u64> {
         copy(&self.answered)
     }
@@ -77,14 +77,14 @@ pub(crate) struct Watching {
 
 impl Watching {
     pub(crate) fn begin(api: Api, session: SessionId) -> Self {
-        add(&api.tally().watchers, session.clone());
+        add(&api.metrics().watchers, session.clone());
         Self { api, session }
     }
 }
 
 impl Drop for Watching {
     fn drop(&mut self) {
-        let mut watchers = lock(&self.api.tally().watchers);
+        let mut watchers = lock(&self.api.metrics().watchers);
         if let Some(count) = watchers.get_mut(&self.session) {
             *count -= 1;
             if *count == 0 {
@@ -115,7 +115,7 @@ pub(crate) async fn count(State(api): State<Api>, request: Request, next: Next) 
         took_s = asked.elapsed().as_secs_f64(),
         "answered"
     );
-    add(&api.tally().answered, answered);
+    add(&api.metrics().answered, answered);
     response
 }
 
