@@ -24,8 +24,8 @@ mod blade;
 mod capsule;
 mod cleared;
 mod list;
+mod segment;
 mod tables;
-mod way;
 
 use crate::changes::Changes;
 use crate::field::{Brick, Field};
@@ -38,8 +38,8 @@ use ball::BallStep;
 use blade::BladeSweep;
 use capsule::CapsuleSweep;
 use list::List;
+use segment::Segment;
 use tables::BrickAt;
-use way::Way;
 
 pub(crate) use cleared::{Cleared, Start};
 pub(crate) use tables::Tables;
@@ -62,9 +62,9 @@ pub(crate) fn carve(
     sweep: &Sweep,
     start: Start,
 ) -> u64 {
-    let way = Way::new(sweep, field.grid().voxel_size_m());
+    let segment = Segment::new(sweep, field.grid().voxel_size_m());
     let before = field.total();
-    let mut knife = Knife {
+    let mut carver = Carver {
         revision: changes.upcoming(),
         field,
         changes,
@@ -72,24 +72,24 @@ pub(crate) fn carve(
         bands: List::new(),
         work: List::new(),
     };
-    let (sets_down, moves) = (start == Start::Unknown, !way.is_standing());
+    let (sets_down, moves) = (start == Start::Unknown, !segment.is_standing());
     match &sweep.shape {
         ToolShape::Ball(ball) => {
             if sets_down {
-                knife.cut(&BallStep::set_down(ball, &way));
+                carver.cut(&BallStep::set_down(ball, &segment));
             }
-            if moves && BallStep::suits(ball, &way) {
-                knife.cut(&BallStep::new(ball, &way));
+            if moves && BallStep::suits(ball, &segment) {
+                carver.cut(&BallStep::new(ball, &segment));
             } else if moves {
-                knife.cut(&CapsuleSweep::new(ball, &way));
+                carver.cut(&CapsuleSweep::new(ball, &segment));
             }
         }
         ToolShape::Blade(blade) => {
             if sets_down {
-                knife.cut(&BladeSweep::set_down(blade, &way));
+                carver.cut(&BladeSweep::set_down(blade, &segment));
             }
             if moves {
-                knife.cut(&BladeSweep::new(blade, &way));
+                carver.cut(&BladeSweep::new(blade, &segment));
             }
         }
     }
@@ -145,7 +145,7 @@ impl TileIndex {
 }
 
 /// What is cut, where that is noted, and what to look at in the brick at hand.
-struct Knife<'a> {
+struct Carver<'a> {
     field: &'a mut Field,
     changes: &'a mut Changes,
     revision: u64,
@@ -156,7 +156,7 @@ struct Knife<'a> {
 
 /// A solid about to be cut.
 struct Cut<'a, 'k, S> {
-    knife: &'a mut Knife<'k>,
+    carver: &'a mut Carver<'k>,
     solid: &'a S,
 }
 
@@ -165,13 +165,16 @@ impl<S: Solid> Work for Cut<'_, '_, S> {
 
     #[inline(always)]
     fn run(self) {
-        self.knife.cut_bricks(self.solid);
+        self.carver.cut_bricks(self.solid);
     }
 }
 
-impl Knife<'_> {
+impl Carver<'_> {
     fn cut<S: Solid>(&mut self, solid: &S) {
-        widely(Cut { knife: self, solid });
+        widely(Cut {
+            carver: self,
+            solid,
+        });
     }
 
     #[inline(always)]

@@ -1,6 +1,6 @@
 //! A ball that moves by a short step: the ball where it is now, as far as that is not behind where it was.
 
-use super::way::{Way, nearest_voxel};
+use super::segment::{Segment, nearest_voxel};
 use super::{BrickAt, HALF_UNITS, InBrick, RAMP, SLACK, Solid, Tables, TileIndex, UNITS_PER_VOXEL};
 use crate::lanes::{F32x4, LANES, Tile};
 use crate::tool::Ball;
@@ -11,8 +11,8 @@ pub(super) const DISTANCE_ERROR: f64 = 1e-6;
 
 /// The ball in units of what is left over, voxel centres at whole multiples of [`UNITS_PER_VOXEL`].
 ///
-/// A short step leaves what its two balls leave. Between them the capsule about the way has hardly any more room: at a distance `d`
-/// from the way, its belt is nearer by at most `step^2 / 8 d`, which is a quarter of a unit of what is left, or less
+/// A short step leaves what its two balls leave. Between them the capsule about the segment has hardly any more room: at a distance `d`
+/// from the segment, its belt is nearer by at most `step^2 / 8 d`, which is a quarter of a unit of what is left, or less
 /// ([`BallStep::suits`]). And what a ball leaves is a function of its own place alone, so the ball at the end of one step and the ball at the
 /// start of the next are the same to the last bit.
 pub(super) struct BallStep {
@@ -41,16 +41,17 @@ pub(super) struct Centre {
 
 impl BallStep {
     /// Whether the step is short enough to be cut as two balls.
-    pub(super) fn suits(ball: &Ball, way: &Way) -> bool {
-        0.5 * UNITS_PER_VOXEL * way.length_squared() <= ball.radius_m() * way.per_metre - RAMP
+    pub(super) fn suits(ball: &Ball, segment: &Segment) -> bool {
+        0.5 * UNITS_PER_VOXEL * segment.length_squared()
+            <= ball.radius_m() * segment.per_metre - RAMP
     }
 
-    /// The ball where the way starts.
-    pub(super) fn set_down(ball: &Ball, way: &Way) -> Self {
-        let radius = ball.radius_m() * way.per_metre;
+    /// The ball where the segment starts.
+    pub(super) fn set_down(ball: &Ball, segment: &Segment) -> Self {
+        let radius = ball.radius_m() * segment.per_metre;
         let reach = radius * (1.0 + DISTANCE_ERROR) + RAMP + SLACK;
         Self {
-            centre: Centre::of(way.from),
+            centre: Centre::of(segment.from),
             at_centre: at_centre(radius),
             reach_squared: square_in_units(reach),
             from: [0.0; 3],
@@ -58,23 +59,23 @@ impl BallStep {
             step: [0.0; 3],
             clear_squared: -1.0,
             nowhere: -1.0,
-            bounds: way.at_its_start().bounds([reach; 3]),
+            bounds: segment.at_its_start().bounds([reach; 3]),
         }
     }
 
-    /// The ball where the way ends, given that the one where it starts is cut already.
-    pub(super) fn new(ball: &Ball, way: &Way) -> Self {
-        let radius = ball.radius_m() * way.per_metre;
-        let length = way.length_squared().sqrt();
+    /// The ball where the segment ends, given that the one where it starts is cut already.
+    pub(super) fn new(ball: &Ball, segment: &Segment) -> Self {
+        let radius = ball.radius_m() * segment.per_metre;
+        let length = segment.length_squared().sqrt();
         // Behind the middle by `b`, the ball at the end is the farther one by `b length / distance`, which must be more than both
         // distances may be off.
         let size = radius + RAMP + SLACK + length;
         let generosity = SLACK * length + 4.0 * DISTANCE_ERROR * size * size;
-        let here = Self::set_down(ball, &way.backwards());
+        let here = Self::set_down(ball, &segment.backwards());
         Self {
-            from: here.centre.offset_of(way.from),
-            middle: here.centre.offset_of(way.middle()),
-            step: way.step().map(|d| d as f32),
+            from: here.centre.offset_of(segment.from),
+            middle: here.centre.offset_of(segment.middle()),
+            step: segment.step().map(|d| d as f32),
             clear_squared: clear_squared(radius * (1.0 - DISTANCE_ERROR) - RAMP - SLACK),
             nowhere: (-generosity * UNITS_PER_VOXEL) as f32,
             ..here

@@ -1,11 +1,11 @@
-//! A blade swept along a straight way: the hull of two boxes.
+//! A blade swept along a straight segment: the hull of two boxes.
 //!
 //! The hull of a box and its copy moved by `m` is bounded by the box's own six planes, each where its box is farther out, and by the
 //! planes that contain an edge direction and `m`: normals `e x m`, one for each axis `e`. The distance outside the hull is the greatest of
 //! the distances outside these planes, that outside a box the greatest outside its six; a voxel counts by the lesser of hull and the box at
 //! the end, which differ only outside the edges of the box.
 
-use super::way::Way;
+use super::segment::Segment;
 use super::{BrickAt, HALF_UNITS, InBrick, RAMP, SLACK, Solid, Tables, TileIndex, UNITS_PER_VOXEL};
 use crate::lanes::{F32x4, LANES, Tile};
 use crate::tool::{Blade, ToolShape};
@@ -46,7 +46,7 @@ struct Slab {
     half: f32,
 }
 
-/// The slabs whose planes are askew to the axes: none for a way along an axis, one for a way across one, else three.
+/// The slabs whose planes are askew to the axes: none for a segment along an axis, one for a segment across one, else three.
 #[derive(Clone, Copy, Default)]
 struct Slabs {
     of: [Slab; 3],
@@ -54,31 +54,31 @@ struct Slabs {
 }
 
 impl BladeSweep {
-    /// The box where the way starts.
-    pub(super) fn set_down(blade: &Blade, way: &Way) -> Self {
+    /// The box where the segment starts.
+    pub(super) fn set_down(blade: &Blade, segment: &Segment) -> Self {
         Self {
             clear: f32::NEG_INFINITY,
             // Less than whatever is ahead, nothing too.
             slack: f32::INFINITY,
-            ..Self::new(blade, &way.at_its_start())
+            ..Self::new(blade, &segment.at_its_start())
         }
     }
 
-    /// The hull from there to where the way ends, given that the box where it starts is cut already.
-    pub(super) fn new(blade: &Blade, way: &Way) -> Self {
+    /// The hull from there to where the segment ends, given that the box where it starts is cut already.
+    pub(super) fn new(blade: &Blade, segment: &Segment) -> Self {
         let shape = ToolShape::Blade(*blade);
         let half = shape
             .extents_m()
-            .map(|extent_m| 0.5 * extent_m * way.per_metre);
+            .map(|extent_m| 0.5 * extent_m * segment.per_metre);
         let lift = shape
             .middle_from_pose_m()
-            .map(|offset_m| offset_m * way.per_metre);
-        let way = way.shifted(lift);
-        let (step, middle) = (way.step(), way.middle());
-        let slack = SLACK + 8.0 * way.rounding;
+            .map(|offset_m| offset_m * segment.per_metre);
+        let segment = segment.shifted(lift);
+        let (step, middle) = (segment.step(), segment.middle());
+        let slack = SLACK + 8.0 * segment.rounding;
         let reach = RAMP + slack;
         let axes = std::array::from_fn(|axis| {
-            let (from, to) = (-way.from[axis] as f32, -way.to[axis] as f32);
+            let (from, to) = (-segment.from[axis] as f32, -segment.to[axis] as f32);
             Axis {
                 half: half[axis] as f32,
                 from,
@@ -95,7 +95,7 @@ impl BladeSweep {
             reach: reach as f32,
             slack: slack as f32,
             clear: -reach as f32,
-            bounds: way.bounds(half.map(|half| half + reach)),
+            bounds: segment.bounds(half.map(|half| half + reach)),
         }
     }
 }

@@ -1,7 +1,7 @@
-//! A ball swept along a way too long for [`super::ball`]: a capsule.
+//! A ball swept along a segment too long for [`super::ball`]: a capsule.
 
 use super::ball::{Centre, DISTANCE_ERROR, at_centre, clear_squared, square_in_units, ways};
-use super::way::Way;
+use super::segment::Segment;
 use super::{BrickAt, InBrick, RAMP, SLACK, Solid, Tables, TileIndex, UNITS_PER_VOXEL};
 use crate::grid::BRICK_EDGE;
 use crate::lanes::{F32x4, LANES, Tile};
@@ -26,28 +26,28 @@ pub(super) struct CapsuleSweep {
     step: [f32; 3],
     /// Turns a way along the step, voxels times units, into a share of it.
     share_per_along: f32,
-    /// Squares of the distances of a tile's middle from the way beyond which everything in it is left, and from the start below which nothing is.
+    /// Squares of the distances of a tile's middle from the segment beyond which everything in it is left, and from the start below which nothing is.
     reach_squared: f32,
     clear_squared: f32,
     /// A tile has something ahead of the start where its middle's way from there along the step is more than this.
     nowhere: f32,
-    way_from: [f64; 3],
-    way_step: [f64; 3],
+    segment_from: [f64; 3],
+    segment_step: [f64; 3],
     brick_reach: f64,
     bounds: [[i32; 2]; 3],
 }
 
 impl CapsuleSweep {
-    pub(super) fn new(ball: &Ball, way: &Way) -> Self {
-        let radius = ball.radius_m() * way.per_metre;
-        let (step, length_squared) = (way.step(), way.length_squared());
+    pub(super) fn new(ball: &Ball, segment: &Segment) -> Self {
+        let radius = ball.radius_m() * segment.per_metre;
+        let (step, length_squared) = (segment.step(), segment.length_squared());
         let length = length_squared.sqrt();
         let size = radius + length + BRICK_RADIUS;
         let slack = SLACK + 8.0 * DISTANCE_ERROR * size;
         let reach = radius + RAMP + slack;
-        let end = Centre::of(way.to);
+        let end = Centre::of(segment.to);
         Self {
-            from: end.offset_of(way.from),
+            from: end.offset_of(segment.from),
             end,
             at_centre: at_centre(radius),
             step: step.map(|d| d as f32),
@@ -55,10 +55,10 @@ impl CapsuleSweep {
             reach_squared: square_in_units(reach + TILE_RADIUS),
             clear_squared: clear_squared(radius - RAMP - slack - TILE_RADIUS),
             nowhere: (-(TILE_RADIUS + slack) * length * UNITS_PER_VOXEL) as f32,
-            way_from: way.from,
-            way_step: step,
+            segment_from: segment.from,
+            segment_step: step,
             brick_reach: reach + BRICK_RADIUS,
-            bounds: way.bounds([reach; 3]),
+            bounds: segment.bounds([reach; 3]),
         }
     }
 }
@@ -91,15 +91,15 @@ impl Solid for CapsuleSweep {
         }
     }
 
-    /// Whether the way passes the brick's middle near enough.
+    /// Whether the segment passes the brick's middle near enough.
     fn reaches(&self, at: BrickAt) -> bool {
         let middle =
             at.0.map(|at| (at * BRICK_EDGE) as f64 + 0.5 * (BRICK_EDGE - 1) as f64);
-        let off: [f64; 3] = std::array::from_fn(|axis| middle[axis] - self.way_from[axis]);
+        let off: [f64; 3] = std::array::from_fn(|axis| middle[axis] - self.segment_from[axis]);
         let dot = |a: &[f64; 3], b: &[f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-        let share = dot(&off, &self.way_step) / dot(&self.way_step, &self.way_step);
+        let share = dot(&off, &self.segment_step) / dot(&self.segment_step, &self.segment_step);
         let share = share.clamp(0.0, 1.0);
-        let off: [f64; 3] = std::array::from_fn(|axis| off[axis] - share * self.way_step[axis]);
+        let off: [f64; 3] = std::array::from_fn(|axis| off[axis] - share * self.segment_step[axis]);
         dot(&off, &off) <= self.brick_reach * self.brick_reach
     }
 
@@ -137,7 +137,7 @@ impl CapsuleInBrick<'_> {
         x * step_x + (y * step_y + z * step_z)
     }
 
-    /// Squared distances from the way's point at a share of it.
+    /// Squared distances from the segment's point at a share of it.
     #[inline(always)]
     fn squared(&self, [x, y, z]: [F32x4; 3], share: F32x4) -> F32x4 {
         let [step_x, step_y, step_z] = self.step;
@@ -182,8 +182,8 @@ impl InBrick for CapsuleInBrick<'_> {
             let place = [x(FROM), from_y[row], z(FROM)];
             let share = self.along(place) * self.share_per_along;
             let squared = share.where_below(one, self.squared(place, share), beyond);
-            let from_way = zero.where_below(share, squared, beyond);
-            (x(SQUARED) + across[row]).min(from_way).sqrt() + self.at_centre
+            let from_segment = zero.where_below(share, squared, beyond);
+            (x(SQUARED) + across[row]).min(from_segment).sqrt() + self.at_centre
         }))
     }
 }

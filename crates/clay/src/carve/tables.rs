@@ -3,7 +3,7 @@
 use crate::grid::{BRICK_EDGE, MAX_AXIS_VOXELS};
 use crate::lanes::{F32x4, LANES};
 
-/// Most numbers that a solid keeps of each voxel, and of each four of them: those of a blade on its way askew.
+/// Most numbers that a solid keeps of each voxel, and of each four of them: those of a blade on a segment askew.
 const VOXEL_NUMBERS: usize = 9;
 const FOUR_NUMBERS: usize = 7;
 const MOST_FOURS: usize = MAX_AXIS_VOXELS / LANES;

@@ -19,7 +19,7 @@ pub(crate) struct Tile([[u8; LANES]; LANES]);
 
 /// For each lane, whether something holds.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Where([bool; LANES]);
+pub(crate) struct Mask([bool; LANES]);
 
 /// How much was removed.
 #[derive(Clone, Copy, Debug)]
@@ -112,8 +112,8 @@ impl F32x4 {
     }
 
     /// Where these are less than `bound`; not where either is NaN.
-    pub(crate) fn is_below(self, bound: Self) -> Where {
-        Where(std::array::from_fn(|lane| self.0[lane] < bound.0[lane]))
+    pub(crate) fn is_below(self, bound: Self) -> Mask {
+        Mask(std::array::from_fn(|lane| self.0[lane] < bound.0[lane]))
     }
 
     /// `first` in the first lane, and `step` more in each that follows.
@@ -193,8 +193,8 @@ impl I32x4 {
         Self(self.0.map(|at| at << BITS))
     }
 
-    pub(crate) fn equals(self, other: Self) -> Where {
-        Where(std::array::from_fn(|lane| self.0[lane] == other.0[lane]))
+    pub(crate) fn equals(self, other: Self) -> Mask {
+        Mask(std::array::from_fn(|lane| self.0[lane] == other.0[lane]))
     }
 
     /// Numbers from zero to below `2^15`, times a factor.
@@ -237,7 +237,7 @@ impl Tile {
     }
 }
 
-impl Where {
+impl Mask {
     pub(crate) fn or(self, other: Self) -> Self {
         Self(std::array::from_fn(|lane| self.0[lane] | other.0[lane]))
     }

@@ -41,7 +41,7 @@ pub(crate) struct Tile(__m128i);
 
 /// For each lane, whether something holds.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Where(__m128);
+pub(crate) struct Mask(__m128);
 
 /// Two sums side by side.
 #[derive(Clone, Copy, Debug)]
@@ -144,8 +144,8 @@ impl F32x4 {
     }
 
     #[inline(always)]
-    pub(crate) fn is_below(self, bound: Self) -> Where {
-        sse2! {{ Where(_mm_cmplt_ps(self.0, bound.0)) }}
+    pub(crate) fn is_below(self, bound: Self) -> Mask {
+        sse2! {{ Mask(_mm_cmplt_ps(self.0, bound.0)) }}
     }
 
     #[inline(always)]
@@ -276,8 +276,8 @@ impl I32x4 {
     }
 
     #[inline(always)]
-    pub(crate) fn equals(self, other: Self) -> Where {
-        sse2! {{ Where(_mm_castsi128_ps(_mm_cmpeq_epi32(self.0, other.0))) }}
+    pub(crate) fn equals(self, other: Self) -> Mask {
+        sse2! {{ Mask(_mm_castsi128_ps(_mm_cmpeq_epi32(self.0, other.0))) }}
     }
 
     #[inline(always)]
@@ -326,7 +326,7 @@ impl Tile {
     }
 }
 
-impl Where {
+impl Mask {
     #[inline(always)]
     pub(crate) fn or(self, other: Self) -> Self {
         sse2! {{ Self(_mm_or_ps(self.0, other.0)) }}

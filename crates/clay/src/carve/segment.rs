@@ -1,4 +1,4 @@
-//! Where a sweep leads through the voxels.
+//! The line segment on which a sweep leads through the voxels.
 
 use crate::pose::STEPS_PER_METRE;
 use crate::sweep::Sweep;
@@ -8,15 +8,15 @@ use crate::sweep::Sweep;
 const COORDINATE_ERROR: f64 = 2.4e-7;
 
 /// A sweep's poses in voxels, with voxel centres at whole numbers.
-pub(super) struct Way {
+pub(super) struct Segment {
     pub(super) from: [f64; 3],
     pub(super) to: [f64; 3],
     pub(super) per_metre: f64,
-    /// Bound on the rounding error of single-precision coordinates about this way, in voxels.
+    /// Bound on the rounding error of single-precision coordinates about this segment, in voxels.
     pub(super) rounding: f64,
 }
 
-impl Way {
+impl Segment {
     pub(super) fn new(sweep: &Sweep, voxel_size_m: f64) -> Self {
         let per_metre = 1.0 / voxel_size_m;
         let per_step = per_metre / STEPS_PER_METRE;
@@ -34,7 +34,7 @@ impl Way {
         }
     }
 
-    /// The way of a point of the tool that is this far from its pose, in voxels.
+    /// The segment of a point of the tool that is this far from its pose, in voxels.
     pub(super) fn shifted(&self, offset: [f64; 3]) -> Self {
         let shift = |at: [f64; 3]| std::array::from_fn(|axis| at[axis] + offset[axis]);
         Self {
@@ -44,7 +44,7 @@ impl Way {
         }
     }
 
-    /// No way, from the start to the start.
+    /// A segment without length, from the start to the start.
     pub(super) fn at_its_start(&self) -> Self {
         Self {
             to: self.from,
@@ -61,7 +61,7 @@ impl Way {
         }
     }
 
-    /// Whether it leads nowhere.
+    /// Whether its length is zero.
     pub(super) fn is_standing(&self) -> bool {
         self.length_squared() <= 0.0
     }
@@ -78,7 +78,7 @@ impl Way {
         std::array::from_fn(|axis| 0.5 * (self.from[axis] + self.to[axis]))
     }
 
-    /// Voxels within `reach` of the way along each axis, from the first up to but not including the last.
+    /// Voxels within `reach` of the segment along each axis, from the first up to but not including the last.
     pub(super) fn bounds(&self, reach: [f64; 3]) -> [[i32; 2]; 3] {
         std::array::from_fn(|axis| {
             let (a, b) = (self.from[axis], self.to[axis]);
