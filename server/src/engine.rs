@@ -412,7 +412,7 @@ impl Engine {
                 revision,
             } => {
                 let session = &mut self.find(session)?.session;
-                session.soften_or_harden(material, revision);
+                session.set_material(material, revision);
                 None
             }
             Order::SetDeadband {

@@ -197,7 +197,7 @@ impl SessionLoop {
     }
 
     /// Changes what the clay is made of, from `revision` of the parameters on.
-    pub fn soften_or_harden(&mut self, material: Material, revision: u16) {
+    pub fn set_material(&mut self, material: Material, revision: u16) {
         self.material = material;
         self.generation.since_revision = revision;
         for side in self.sides_mut() {
