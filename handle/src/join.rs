@@ -78,7 +78,7 @@ pub enum JoinError {
 }
 
 /// Asks until a server answers. With an old lease, that one is given back first, and a server that is full or about to stop is asked
-/// again for as long as the old lease may hold the place.
+/// again for as long as the old lease may hold the slot.
 ///
 /// # Errors
 /// A server refuses, or answers nonsense.

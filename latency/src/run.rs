@@ -168,8 +168,8 @@ fn drain(rig: &mut Rig, scheme: Scheme) {
 
 fn is_one_clay(rig: &Rig) -> bool {
     let authority = rig.session().clay().clone().hash();
-    (0..rig.session().places()).all(|place| {
-        let copy = rig.handle_of(place).replica().and_then(ReplicaHandle::copy);
+    (0..rig.session().slots()).all(|slot| {
+        let copy = rig.handle_of(slot).replica().and_then(ReplicaHandle::copy);
         copy.is_some_and(|copy| copy.clay().clone().hash() == authority)
     })
 }

@@ -94,18 +94,18 @@ pub fn pushes(seed: u64) -> impl Iterator<Item = [f64; 3]> {
 
 /// Every operator begins a push, the second one the other way.
 pub fn push(rig: &mut Rig, force_n: [f64; 3]) {
-    for place in 0..rig.session().places() {
-        let side = if place == 0 { 1.0 } else { -1.0 };
+    for slot in 0..rig.session().slots() {
+        let side = if slot == 0 { 1.0 } else { -1.0 };
         // The forces of `pushes` are finite.
         let intent = Intent::constant_force([side * force_n[0], force_n[1], 0.0]);
-        rig.device_of_mut(place)
+        rig.device_of_mut(slot)
             .intend(intent.unwrap_or(Intent::Idle));
     }
 }
 
 /// Every operator lets go.
 pub fn let_go(rig: &mut Rig) {
-    for place in 0..rig.session().places() {
-        rig.device_of_mut(place).intend(Intent::Idle);
+    for slot in 0..rig.session().slots() {
+        rig.device_of_mut(slot).intend(Intent::Idle);
     }
 }

@@ -16,8 +16,8 @@ use teleclay_proto::http::{Quantiles, TickQuantiles};
 use teleclay_proto::watch::TelemetrySample;
 
 use crate::engine::{
-    BrickContent, BrickUpdate, Discarded, MAX_PLACES, RECORD_EVERY, SessionRecord, TICK,
-    TickRecord, ToolRecord,
+    BrickContent, BrickUpdate, Discarded, MAX_TOOLS, RECORD_EVERY, SessionRecord, TICK, TickRecord,
+    ToolRecord,
 };
 use crate::session::SessionShared;
 
@@ -184,7 +184,7 @@ pub(crate) enum Finding {
     /// A lease ran out, or its operator said goodbye.
     LeaseEnded {
         session: u32,
-        place: usize,
+        slot: usize,
         lease: u32,
         because: &'static str,
     },
@@ -313,15 +313,15 @@ impl State {
             };
             let shared = &watched.shared;
             shared.has_come_to(record.ticks);
-            for place in 0..MAX_PLACES {
-                if let Some(because) = record.tools[place]
+            for slot in 0..MAX_TOOLS {
+                if let Some(because) = record.tools[slot]
                     .as_ref()
-                    .and_then(|tool| ended(shared, place, tool))
+                    .and_then(|tool| ended(shared, slot, tool))
                 {
-                    let lease = record.tools[place].map_or(0, |tool| tool.lease);
+                    let lease = record.tools[slot].map_or(0, |tool| tool.lease);
                     let finding = Finding::LeaseEnded {
                         session: record.session,
-                        place,
+                        slot,
                         lease,
                         because,
                     };
@@ -360,13 +360,13 @@ impl State {
 }
 
 /// Whether a lease has ended, and why.
-fn ended(shared: &SessionShared, place: usize, tool: &ToolRecord) -> Option<&'static str> {
+fn ended(shared: &SessionShared, slot: usize, tool: &ToolRecord) -> Option<&'static str> {
     if tool.has_left {
         return Some("left");
     }
     let lasts = shared.lease_s();
     let is_old = shared
-        .lease_age(place, tool.lease)
+        .lease_age(slot, tool.lease)
         .is_some_and(|age| lasts < age.as_secs_f64());
     (is_old && lasts < tool.silence_s).then_some("was silent for too long")
 }
@@ -374,10 +374,10 @@ fn ended(shared: &SessionShared, place: usize, tool: &ToolRecord) -> Option<&'st
 fn publish(shared: &SessionShared, before: &SessionRecord, record: &SessionRecord) {
     let time_s = record.ticks as f64 * TICK.as_secs_f64();
     let single = |v: [f64; 3]| v.map(|x| x as f32);
-    for (place, tool) in record.tools.iter().enumerate() {
+    for (slot, tool) in record.tools.iter().enumerate() {
         let Some(tool) = tool else { continue };
         let view = &tool.view;
-        let before = before.tools[place].filter(|before| before.lease == tool.lease);
+        let before = before.tools[slot].filter(|before| before.lease == tool.lease);
         let sample = TelemetrySample {
             hand_force_n: single(view.hand_force_n),
             felt_force_n: single(view.felt_force_n),
@@ -394,7 +394,7 @@ fn publish(shared: &SessionShared, before: &SessionRecord, record: &SessionRecor
             age_s: tool.silence_s as f32,
         };
         shared.publish(
-            place,
+            slot,
             time_s,
             TICK.as_micros() as u32 * RECORD_EVERY as u32,
             sample,
@@ -415,15 +415,15 @@ fn corrected_since(before: Option<&ToolRecord>, tool: &ToolRecord) -> f64 {
 }
 
 fn emit_transitions(shared: &SessionShared, before: &SessionRecord, after: &SessionRecord) {
-    for place in 0..MAX_PLACES {
-        let was = before.tools[place]
+    for slot in 0..MAX_TOOLS {
+        let was = before.tools[slot]
             .filter(|tool| tool.is_connected)
             .map(|tool| tool.lease);
-        let is = after.tools[place]
+        let is = after.tools[slot]
             .filter(|tool| tool.is_connected)
             .map(|tool| tool.lease);
         if was != is {
-            shared.emit_connection(place, is.is_some());
+            shared.emit_connection(slot, is.is_some());
         }
     }
     if let (None, Some(field)) = (before.fault, after.fault) {
@@ -500,7 +500,7 @@ mod tests {
         let joining = Arc::clone(&shared);
         std::thread::spawn(move || {
             for lease in 0..ROUNDS as u32 {
-                let _ = joining.hold_place("Ada", lease);
+                let _ = joining.hold_slot("Ada", lease);
             }
             done.send("joins").unwrap();
         });

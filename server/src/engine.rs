@@ -26,7 +26,7 @@ pub(crate) const TICK: Duration = Duration::from_millis(1);
 /// Sessions at most: what one core steps in half a tick with room to spare.
 pub(crate) const MAX_SESSIONS: usize = 32;
 /// Tools of a session at most.
-pub(crate) const MAX_PLACES: usize = 8;
+pub(crate) const MAX_TOOLS: usize = teleclay_proto::http::MAX_TOOLS as usize;
 
 /// Frames that may wait for the tick from one session's handles: a quarter of a second of one of them.
 const FRAMES_WAITING: usize = 256;
@@ -48,7 +48,7 @@ const BRICKS_AT_ONCE: usize = 4;
 
 /// A frame on its way from Zenoh to the tick.
 pub(crate) struct Incoming {
-    pub(crate) place: usize,
+    pub(crate) slot: usize,
     /// When it came, on the server's clock, ns: the wait for the tick is not the network's.
     pub(crate) arrived_ns: u64,
     pub(crate) frame: HandleFrame,
@@ -57,7 +57,7 @@ pub(crate) struct Incoming {
 /// A frame on its way from the tick to Zenoh.
 pub(crate) struct Outgoing {
     pub(crate) session: u32,
-    pub(crate) place: usize,
+    pub(crate) slot: usize,
     pub(crate) frame: ToolFrame,
 }
 
@@ -80,7 +80,7 @@ pub(crate) struct SessionRecord {
     /// Frames that left for handles since the session began.
     pub(crate) frames_sent: u64,
     pub(crate) fault: Option<&'static str>,
-    pub(crate) tools: [Option<ToolRecord>; MAX_PLACES],
+    pub(crate) tools: [Option<ToolRecord>; MAX_TOOLS],
 }
 
 /// One tool at one tick.
@@ -162,12 +162,12 @@ pub(crate) enum Order {
     },
     Attach {
         session: u32,
-        place: usize,
+        slot: usize,
         side: Box<ToolSide>,
     },
     Detach {
         session: u32,
-        place: usize,
+        slot: usize,
         lease: u32,
     },
     ReplaceClay {
@@ -295,17 +295,17 @@ impl Engine {
                 let arrived = Timestamp::from_nanos(incoming.arrived_ns).min(now);
                 running
                     .session
-                    .on_frame(arrived, incoming.place, incoming.frame);
+                    .on_frame(arrived, incoming.slot, incoming.frame);
             }
             let (outgoing, session, frames_sent) =
                 (&mut self.outgoing, running.number, &mut running.frames_sent);
-            running.session.step(now, |place, frame| {
+            running.session.step(now, |slot, frame| {
                 leaves = true;
                 *frames_sent += 1;
                 let full = outgoing
                     .push(Outgoing {
                         session,
-                        place,
+                        slot,
                         frame: *frame,
                     })
                     .is_err();
@@ -371,7 +371,7 @@ impl Engine {
             }
             Order::Attach {
                 session,
-                place,
+                slot,
                 side,
             } => {
                 let Some(running) = self.find(session) else {
@@ -379,25 +379,25 @@ impl Engine {
                 };
                 running
                     .session
-                    .attach(place, side)
+                    .attach(slot, side)
                     .map(|side| Discarded::Side { _side: side })
             }
             Order::Detach {
                 session,
-                place,
+                slot,
                 lease,
             } => {
                 let running = self.find(session)?;
                 let is_his = running
                     .session
-                    .side(place)
+                    .side(slot)
                     .is_some_and(|side| side.lease() == lease);
                 if !is_his {
                     return None;
                 }
                 running
                     .session
-                    .detach(place)
+                    .detach(slot)
                     .map(|side| Discarded::Side { _side: side })
             }
             Order::ReplaceClay { session, mut fresh } => {
@@ -467,10 +467,10 @@ fn record(running: &Running, now: Timestamp) -> SessionRecord {
         remaining_units: session.clay().remaining_units(),
         frames_sent: running.frames_sent,
         fault: session.fault().map(|fault| fault.field),
-        tools: [None; MAX_PLACES],
+        tools: [None; MAX_TOOLS],
     };
-    for (place, slot) in record.tools.iter_mut().enumerate() {
-        *slot = session.side(place).map(|side| ToolRecord {
+    for (slot, tool) in record.tools.iter_mut().enumerate() {
+        *tool = session.side(slot).map(|side| ToolRecord {
             lease: side.lease(),
             is_connected: side.is_connected(now),
             has_left: side.has_left(),

@@ -169,18 +169,18 @@ fn send_until(
     while !stop.load(Ordering::Relaxed) {
         while let Ok(Outgoing {
             session: number,
-            place,
+            slot,
             frame,
         }) = outgoing.pop()
         {
-            let publisher = match publishers.entry((number, place)) {
+            let publisher = match publishers.entry((number, slot)) {
                 std::collections::hash_map::Entry::Occupied(held) => held.into_mut(),
                 std::collections::hash_map::Entry::Vacant(free) => {
                     let Some(live) = directory.live_by_number(number) else {
                         continue;
                     };
                     let key = SessionKeys::new(node.clone(), live.id().clone())
-                        .tool_down(crate::session::tool_id(place));
+                        .tool_down(crate::session::tool_id(slot));
                     let declared = session
                         .declare_publisher(key)
                         .congestion_control(congestion)
@@ -204,7 +204,7 @@ fn send_until(
     }
 }
 
-/// The route of a key: into which ring, for which place.
+/// The route of a key: into which ring, for which slot.
 type Route = (Arc<Mutex<rtrb::Producer<Incoming>>>, usize);
 
 async fn receive_frames(
@@ -234,16 +234,16 @@ async fn receive_frames(
             .get(key)
             .filter(|(ring, _)| !is_abandoned(ring))
             .cloned();
-        let Some((ring, place)) = known.or_else(|| route(key, &directory)) else {
+        let Some((ring, slot)) = known.or_else(|| route(key, &directory)) else {
             return;
         };
         if !routes.contains_key(key) || is_abandoned(&routes[key].0) {
-            routes.insert(key.to_owned(), (Arc::clone(&ring), place));
+            routes.insert(key.to_owned(), (Arc::clone(&ring), slot));
         }
         drop(routes);
         // A full ring means that the tick has stalled for a quarter of a second: what is newest is then as old as the rest.
         let _ = ring.lock().expect("no holder panics").push(Incoming {
-            place,
+            slot,
             arrived_ns,
             frame,
         });
@@ -263,8 +263,8 @@ fn route(key: &str, directory: &Directory) -> Option<Route> {
     let Ok(Key::Session(keys, Leaf::ToolUp(tool))) = key.parse::<Key>() else {
         return None;
     };
-    let place = usize::try_from(tool).ok()?.checked_sub(1)?;
-    Some((directory.frames(keys.session())?, place))
+    let slot = usize::try_from(tool).ok()?.checked_sub(1)?;
+    Some((directory.frames(keys.session())?, slot))
 }
 
 async fn answer_queries(
@@ -357,9 +357,9 @@ async fn leave(id: &SessionId, payload: &[u8], directory: &Directory) -> LeaveRe
     let Some(live) = directory.session(id) else {
         return LeaveReply::NoSuchLease;
     };
-    match live.place_of(lease) {
-        Some(place) => {
-            live.end_lease(place, lease, "left").await;
+    match live.slot_of(lease) {
+        Some(slot) => {
+            live.end_lease(slot, lease, "left").await;
             LeaveReply::Left
         }
         None => LeaveReply::NoSuchLease,
@@ -377,7 +377,7 @@ async fn fresh(id: &SessionId, payload: &[u8], directory: &Directory) -> FreshRe
     let Some(live) = directory.session(id) else {
         return refused("there is no such session");
     };
-    if live.place_of(request.lease).is_none() {
+    if live.slot_of(request.lease).is_none() {
         return refused("only who holds a tool may ask for a fresh block");
     }
     match live.reset(ClayReset::default()).await {

@@ -15,7 +15,7 @@ use teleclay_proto::watch::{Level, TelemetrySample};
 use tokio::sync::broadcast;
 
 use crate::collector::{LoopStats, SessionStats};
-use crate::engine::{MAX_PLACES, SessionRecord, TICK};
+use crate::engine::{MAX_TOOLS, SessionRecord, TICK};
 use crate::state;
 
 /// Samples that a watcher may fall behind before it loses some: four seconds of one tool.
@@ -74,7 +74,7 @@ pub(crate) struct Settings {
     pub(crate) spec: NewSession,
     pub(crate) parameters: LoopParameters,
     pub(crate) is_paused: bool,
-    pub(crate) places: Vec<Option<Lease>>,
+    pub(crate) slots: Vec<Option<Lease>>,
 }
 
 impl Settings {
@@ -107,7 +107,7 @@ impl SessionShared {
     pub(crate) fn new(number: u32, spec: NewSession, mirror: Clay) -> Self {
         let parameters = parameters(&spec);
         let shape = spec.clay.shape.clone();
-        let places = vec![None; usize::from(spec.tools)];
+        let slots = vec![None; usize::from(spec.tools)];
         Self {
             id: spec.id.clone(),
             number,
@@ -115,7 +115,7 @@ impl SessionShared {
                 spec,
                 parameters,
                 is_paused: false,
-                places,
+                slots,
             }),
             stats: Mutex::new(SessionStats::new()),
             mirror: Mutex::new(Mirror {
@@ -141,16 +141,16 @@ impl SessionShared {
 
     /// Gives a tool to an operator, if one can be had: the operator's own if it has fallen silent; else one that nobody holds; else any that has
     /// fallen silent.
-    pub(crate) fn hold_place(&self, operator: &str, lease: u32) -> Option<usize> {
+    pub(crate) fn hold_slot(&self, operator: &str, lease: u32) -> Option<usize> {
         let record = self.last_record();
         let mut settings = self.settings();
-        let place = place_for(operator, &settings.places, &record)?;
-        settings.places[place] = Some(Lease {
+        let slot = slot_for(operator, &settings.slots, &record)?;
+        settings.slots[slot] = Some(Lease {
             lease,
             operator: operator.to_owned(),
             granted: Instant::now(),
         });
-        Some(place)
+        Some(slot)
     }
 
     /// The session as the API shows it.
@@ -168,14 +168,14 @@ impl SessionShared {
 
     pub(crate) fn publish(
         &self,
-        place: usize,
+        slot: usize,
         time_s: f64,
         period_us: u32,
         sample: TelemetrySample,
     ) {
         // An error means that nobody watches.
         let _ = self.telemetry.send(Sample {
-            tool: tool_id(place),
+            tool: tool_id(slot),
             time_s,
             period_us,
             sample,
@@ -203,12 +203,12 @@ impl SessionShared {
         self.ticks.store(ticks, Ordering::Relaxed);
     }
 
-    pub(crate) fn emit_connection(&self, place: usize, is_connected: bool) {
-        let operator = self.settings().places[place]
+    pub(crate) fn emit_connection(&self, slot: usize, is_connected: bool) {
+        let operator = self.settings().slots[slot]
             .as_ref()
             .map(|lease| lease.operator.clone());
         let operator = operator.unwrap_or_else(|| "the operator".to_owned());
-        let tool = tool_id(place);
+        let tool = tool_id(slot);
         if is_connected {
             self.emit(Level::Info, format!("{operator} holds tool {tool}"));
         } else {
@@ -230,40 +230,40 @@ impl SessionShared {
         LEASE_S
     }
 
-    pub(crate) fn lease_age(&self, place: usize, lease: u32) -> Option<Duration> {
+    pub(crate) fn lease_age(&self, slot: usize, lease: u32) -> Option<Duration> {
         let settings = self.settings();
         let held = settings
-            .places
-            .get(place)?
+            .slots
+            .get(slot)?
             .as_ref()
             .filter(|held| held.lease == lease)?;
         Some(held.granted.elapsed())
     }
 }
 
-fn place_for(operator: &str, places: &[Option<Lease>], record: &SessionRecord) -> Option<usize> {
-    let is_silent = |place: usize, held: &Lease| {
-        let silent = record.tools[place].is_some_and(|tool| {
+fn slot_for(operator: &str, slots: &[Option<Lease>], record: &SessionRecord) -> Option<usize> {
+    let is_silent = |slot: usize, held: &Lease| {
+        let silent = record.tools[slot].is_some_and(|tool| {
             tool.lease == held.lease && !tool.is_connected && TAKEOVER_AFTER_S < tool.silence_s
         });
         // A fresh lease gets a second to send its first frame.
         silent && Duration::from_secs(1) < held.granted.elapsed()
     };
     let silent = |of: Option<&str>| {
-        places.iter().enumerate().position(|(place, held)| {
+        slots.iter().enumerate().position(|(slot, held)| {
             held.as_ref().is_some_and(|held| {
-                of.is_none_or(|operator| operator == held.operator) && is_silent(place, held)
+                of.is_none_or(|operator| operator == held.operator) && is_silent(slot, held)
             })
         })
     };
     silent(Some(operator))
-        .or_else(|| places.iter().position(Option::is_none))
+        .or_else(|| slots.iter().position(Option::is_none))
         .or_else(|| silent(None))
 }
 
 /// Tools are numbered from 1.
-pub(crate) fn tool_id(place: usize) -> u32 {
-    place as u32 + 1
+pub(crate) fn tool_id(slot: usize) -> u32 {
+    slot as u32 + 1
 }
 
 /// Where the handle's home maps to, and how far the tool may go: over the middle of a block with the tool just touching it; before the first step of a
@@ -295,14 +295,14 @@ pub(crate) fn parameters(spec: &NewSession) -> LoopParameters {
 
 pub(crate) fn tools(settings: &Settings, stats: &SessionStats) -> Vec<ToolState> {
     let mut tools = Vec::new();
-    for place in 0..MAX_PLACES.min(settings.places.len()) {
-        let Some(lease) = &settings.places[place] else {
+    for slot in 0..MAX_TOOLS.min(settings.slots.len()) {
+        let Some(lease) = &settings.slots[slot] else {
             continue;
         };
-        let record = stats.record.tools[place].filter(|tool| tool.lease == lease.lease);
+        let record = stats.record.tools[slot].filter(|tool| tool.lease == lease.lease);
         let view = record.map(|tool| tool.view).unwrap_or_default();
         tools.push(ToolState {
-            id: tool_id(place),
+            id: tool_id(slot),
             operator: lease.operator.clone(),
             connected: record.is_some_and(|tool| tool.is_connected),
             position_m: record.map_or(settings.parameters.home_m, |tool| tool.view.position_m),

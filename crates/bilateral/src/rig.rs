@@ -79,7 +79,7 @@ struct UnderWay {
     snapshot: Option<Snapshot>,
 }
 
-/// One operator, with a place at the session.
+/// One operator, attached to a tool slot of the session.
 struct Hand {
     device: SimulatedHandle,
     handle: HandleSide,
@@ -213,8 +213,8 @@ impl Rig {
             sides.push(Box::new(ToolSide::new(&parameters, lease)?));
         }
         let mut session = SessionLoop::new(clay.clone(), material, hands.len(), &lines);
-        for (place, side) in sides.into_iter().enumerate() {
-            session.attach(place, side);
+        for (slot, side) in sides.into_iter().enumerate() {
+            session.attach(slot, side);
         }
         let tick = Duration::from_secs_f64(parameters.tick_s);
         Ok(Self {
@@ -234,26 +234,26 @@ impl Rig {
     pub fn tick(&mut self) {
         let now = self.now;
         self.deliver_snapshots();
-        let mut before = [None; MOST_HANDS];
-        for (place, hand) in self.hands.iter_mut().enumerate() {
-            before[place % MOST_HANDS] = Some(hand.step(now));
+        let mut before = [None; MAX_TOOLS];
+        for (slot, hand) in self.hands.iter_mut().enumerate() {
+            before[slot % MAX_TOOLS] = Some(hand.step(now));
             if let Some(frame) = hand.handle.frame_to_send() {
                 hand.sent.frames += 1;
                 hand.sent.bytes += frame.encoded_len() as u64;
-                self.session.on_frame(now, place, frame.clone());
+                self.session.on_frame(now, slot, frame.clone());
             }
         }
         let hands = &mut self.hands;
         self.session
-            .step(now, |place, frame| hands[place].inbox.push(*frame));
+            .step(now, |slot, frame| hands[slot].inbox.push(*frame));
         let tick_s = self.tick.as_secs_f64();
-        for (place, hand) in self.hands.iter_mut().enumerate() {
-            let tool = self.session.side(place).expect(ATTACHED);
+        for (slot, hand) in self.hands.iter_mut().enumerate() {
+            let tool = self.session.side(slot).expect(ATTACHED);
             if let Some(frame) = tool.frame_to_send() {
                 hand.received_from.frames += 1;
                 hand.received_from.bytes += frame.encoded_len() as u64;
             }
-            if let Some(before) = &before[place % MOST_HANDS] {
+            if let Some(before) = &before[slot % MAX_TOOLS] {
                 hand.observe(before, tool, self.axes, tick_s);
             }
         }
@@ -309,9 +309,9 @@ impl Rig {
     /// # Errors
     /// The settings are none for this loop.
     pub fn code_perceptually(&mut self, settings: DeadbandSettings) -> Result<(), DeadbandError> {
-        for (place, hand) in self.hands.iter_mut().enumerate() {
+        for (slot, hand) in self.hands.iter_mut().enumerate() {
             hand.handle.code_perceptually(settings)?;
-            let side = self.session.side_mut(place).expect(ATTACHED);
+            let side = self.session.side_mut(slot).expect(ATTACHED);
             side.code_perceptually(settings)?;
         }
         Ok(())
@@ -403,8 +403,8 @@ impl Rig {
     }
 
     /// The device of an operator, to change its intent.
-    pub fn device_of_mut(&mut self, place: usize) -> &mut SimulatedHandle {
-        &mut self.hands[place].device
+    pub fn device_of_mut(&mut self, slot: usize) -> &mut SimulatedHandle {
+        &mut self.hands[slot].device
     }
 
     /// The first handle side.
@@ -418,8 +418,8 @@ impl Rig {
     }
 
     /// The handle side of an operator.
-    pub fn handle_of(&self, place: usize) -> &HandleSide {
-        &self.hands[place].handle
+    pub fn handle_of(&self, slot: usize) -> &HandleSide {
+        &self.hands[slot].handle
     }
 
     /// The first operator's scheme, where it keeps a copy of the clay.
@@ -443,7 +443,7 @@ impl Rig {
     }
 }
 
-const MOST_HANDS: usize = 8;
+const MAX_TOOLS: usize = teleclay_proto::http::MAX_TOOLS as usize;
 const ATTACHED: &str = "the rig never detaches a tool";
 
 fn axes_of(parameters: &LoopParameters) -> Axes {

@@ -30,8 +30,8 @@ pub struct Lines {
     pub down_seed: u64,
 }
 
-/// One tool's place in a session: the line up, the line down, and the tool side while somebody holds it.
-struct Place {
+/// One tool slot of a session: the line up, the line down, and the tool side while somebody holds it.
+struct ToolSlot {
     side: Option<Box<ToolSide>>,
     up: Conditioner<HandleFrame>,
     down: Conditioner<ToolFrame>,
@@ -46,7 +46,7 @@ pub struct FreshBlock {
     pub setup: Arc<ToolSetup>,
     /// Its number, and the revision of the parameters that came with it.
     pub generation: Generation,
-    /// Gets what the tools had before; needs room for as many as there are places.
+    /// Gets what the tools had before; needs room for as many as there are slots.
     pub before: Vec<Arc<ToolSetup>>,
 }
 
@@ -54,7 +54,7 @@ pub struct FreshBlock {
 pub struct SessionLoop {
     clay: Clay,
     material: Material,
-    places: Vec<Place>,
+    slots: Vec<ToolSlot>,
     is_paused: bool,
     fault: Option<NotFinite>,
     ticks: u64,
@@ -64,9 +64,9 @@ pub struct SessionLoop {
 }
 
 impl SessionLoop {
-    /// A session with room for `places` tools.
-    pub fn new(clay: Clay, material: Material, places: usize, lines: &Lines) -> Self {
-        let place = |number: u64| Place {
+    /// A session with room for `slots` tools.
+    pub fn new(clay: Clay, material: Material, slots: usize, lines: &Lines) -> Self {
+        let slot = |number: u64| ToolSlot {
             side: None,
             up: Conditioner::new(lines.up, lines.up_seed.wrapping_add(number), LINE_CAPACITY),
             down: Conditioner::new(
@@ -79,7 +79,7 @@ impl SessionLoop {
         Self {
             clay,
             material,
-            places: (0..places as u64).map(place).collect(),
+            slots: (0..slots as u64).map(slot).collect(),
             is_paused: false,
             fault: None,
             ticks: 0,
@@ -91,22 +91,22 @@ impl SessionLoop {
         }
     }
 
-    /// A frame from the handle of `place` entered the line.
-    pub fn on_frame(&mut self, now: Timestamp, place: usize, frame: HandleFrame) {
-        if let Some(place) = self.places.get_mut(place) {
-            place.up.push(now, frame);
+    /// A frame from the handle of `slot` entered the line.
+    pub fn on_frame(&mut self, now: Timestamp, slot: usize, frame: HandleFrame) {
+        if let Some(slot) = self.slots.get_mut(slot) {
+            slot.up.push(now, frame);
         }
     }
 
     /// One tick of every tool. `send` gets each frame that leaves the line towards a handle.
     pub fn step(&mut self, now: Timestamp, mut send: impl FnMut(usize, &ToolFrame)) {
         self.ticks += 1;
-        for number in 0..self.places.len() {
-            let place = &mut self.places[number];
-            let Some(side) = place.side.as_mut() else {
+        for number in 0..self.slots.len() {
+            let slot = &mut self.slots[number];
+            let Some(side) = slot.side.as_mut() else {
                 continue;
             };
-            while let Some((arrived, frame)) = place.up.poll_with_arrival(now) {
+            while let Some((arrived, frame)) = slot.up.poll_with_arrival(now) {
                 side.on_frame(arrived, &frame);
             }
             let permission = match (self.fault, self.is_paused) {
@@ -114,12 +114,12 @@ impl SessionLoop {
                 (None, true) => Permission::Pause,
                 (None, false) => Permission::Work,
             };
-            place.last = side.step(now, &mut self.clay, &self.material, permission);
+            slot.last = side.step(now, &mut self.clay, &self.material, permission);
             self.fault = self.fault.or(side.fault());
             if let Some(frame) = side.frame_to_send() {
-                place.down.push(now, *frame);
+                slot.down.push(now, *frame);
             }
-            while let Some(frame) = place.down.poll(now) {
+            while let Some(frame) = slot.down.poll(now) {
                 send(number, &frame);
             }
             self.cuts.clear();
@@ -135,40 +135,40 @@ impl SessionLoop {
             return;
         }
         let others = (0..)
-            .zip(&mut self.places)
+            .zip(&mut self.slots)
             .filter(|(other, _)| *other != number || !is_led);
-        for side in others.filter_map(|(_, place)| place.side.as_mut()) {
+        for side in others.filter_map(|(_, slot)| slot.side.as_mut()) {
             for cut in &self.cuts {
                 side.relay(*cut);
             }
         }
     }
 
-    /// Gives `place` to an operator. Returns who held it, to be dropped elsewhere.
-    pub fn attach(&mut self, place: usize, mut side: Box<ToolSide>) -> Option<Box<ToolSide>> {
+    /// Gives `slot` to an operator. Returns who held it, to be dropped elsewhere.
+    pub fn attach(&mut self, slot: usize, mut side: Box<ToolSide>) -> Option<Box<ToolSide>> {
         side.take_up(self.generation);
-        let place = self.places.get_mut(place)?;
-        place.up.clear();
-        place.down.clear();
-        place.side.replace(side)
+        let slot = self.slots.get_mut(slot)?;
+        slot.up.clear();
+        slot.down.clear();
+        slot.side.replace(side)
     }
 
-    /// Takes `place` from its operator.
-    pub fn detach(&mut self, place: usize) -> Option<Box<ToolSide>> {
-        let place = self.places.get_mut(place)?;
-        place.up.clear();
-        place.down.clear();
-        place.last = ToolStep::default();
-        place.side.take()
+    /// Takes `slot` from its operator.
+    pub fn detach(&mut self, slot: usize) -> Option<Box<ToolSide>> {
+        let slot = self.slots.get_mut(slot)?;
+        slot.up.clear();
+        slot.down.clear();
+        slot.last = ToolStep::default();
+        slot.side.take()
     }
 
     /// Changes what the lines do, from the next frame on.
     pub fn impair(&mut self, lines: &Lines) {
-        for (number, place) in (0_u64..).zip(&mut self.places) {
-            place.up.impair(lines.up);
-            place.up.reseed(lines.up_seed.wrapping_add(number));
-            place.down.impair(lines.down);
-            place.down.reseed(lines.down_seed.wrapping_add(number));
+        for (number, slot) in (0_u64..).zip(&mut self.slots) {
+            slot.up.impair(lines.up);
+            slot.up.reseed(lines.up_seed.wrapping_add(number));
+            slot.down.impair(lines.down);
+            slot.down.reseed(lines.down_seed.wrapping_add(number));
         }
     }
 
@@ -221,9 +221,9 @@ impl SessionLoop {
     }
 
     fn sides_mut(&mut self) -> impl Iterator<Item = &mut ToolSide> {
-        self.places
+        self.slots
             .iter_mut()
-            .filter_map(|place| place.side.as_deref_mut())
+            .filter_map(|slot| slot.side.as_deref_mut())
     }
 
     /// Revision of the parameters, and which block of clay this is.
@@ -271,25 +271,25 @@ impl SessionLoop {
         &self.material
     }
 
-    /// Number of places, taken or not.
-    pub fn places(&self) -> usize {
-        self.places.len()
+    /// Number of slots, taken or not.
+    pub fn slots(&self) -> usize {
+        self.slots.len()
     }
 
-    /// The tool side at `place`, if somebody holds it.
-    pub fn side(&self, place: usize) -> Option<&ToolSide> {
-        self.places.get(place)?.side.as_deref()
+    /// The tool side at `slot`, if somebody holds it.
+    pub fn side(&self, slot: usize) -> Option<&ToolSide> {
+        self.slots.get(slot)?.side.as_deref()
     }
 
-    /// The tool side at `place`, to change its scheme.
-    pub fn side_mut(&mut self, place: usize) -> Option<&mut ToolSide> {
-        self.places.get_mut(place)?.side.as_deref_mut()
+    /// The tool side at `slot`, to change its scheme.
+    pub fn side_mut(&mut self, slot: usize) -> Option<&mut ToolSide> {
+        self.slots.get_mut(slot)?.side.as_deref_mut()
     }
 
-    /// What the tool at `place` did in the last tick.
-    pub fn last_step(&self, place: usize) -> ToolStep {
-        self.places
-            .get(place)
-            .map_or_else(ToolStep::default, |place| place.last)
+    /// What the tool at `slot` did in the last tick.
+    pub fn last_step(&self, slot: usize) -> ToolStep {
+        self.slots
+            .get(slot)
+            .map_or_else(ToolStep::default, |slot| slot.last)
     }
 }

@@ -55,8 +55,8 @@ fn drain(rig: &mut Rig) {
     rig.run_for(Duration::from_secs(5));
 }
 
-fn hash_at_handle(rig: &Rig, place: usize) -> u64 {
-    let copy = rig.handle_of(place).replica().unwrap().copy().unwrap();
+fn hash_at_handle(rig: &Rig, slot: usize) -> u64 {
+    let copy = rig.handle_of(slot).replica().unwrap().copy().unwrap();
     copy.clay().clone().hash()
 }
 
@@ -65,17 +65,17 @@ fn hash_at_server(rig: &Rig) -> u64 {
 }
 
 fn assert_clay_is_one(rig: &Rig, what: &str) {
-    for place in 0..rig.session().places() {
-        let replica = rig.handle_of(place).replica().unwrap();
+    for slot in 0..rig.session().slots() {
+        let replica = rig.handle_of(slot).replica().unwrap();
         assert_eq!(
             replica.log().waiting(),
             0,
-            "{what}: sweeps of {place} were never acknowledged"
+            "{what}: sweeps of {slot} were never acknowledged"
         );
         assert_eq!(
-            hash_at_handle(rig, place),
+            hash_at_handle(rig, slot),
             hash_at_server(rig),
-            "{what}: the copy of {place} differs"
+            "{what}: the copy of {slot} differs"
         );
     }
 }
@@ -252,10 +252,10 @@ fn a_second_writer_jolts_nobody_and_brings_no_energy_that_was_not_earned() {
         let (mut steps, mut hidden) = ([0.0_f64; 2], 0.0_f64);
         for _ in 0..8000 {
             rig.tick();
-            for place in 0..2 {
-                let replica = rig.handle_of(place).replica().unwrap();
+            for slot in 0..2 {
+                let replica = rig.handle_of(slot).replica().unwrap();
                 let limiter = replica.copy().unwrap().limiter();
-                steps[place] = steps[place].max(limiter.step_n());
+                steps[slot] = steps[slot].max(limiter.step_n());
                 assert!(limiter.injected_j() <= limiter.earned_j() + 1e-12);
                 // What the other one cut comes as cuts. A snapshot would heal it as well, much later and at once.
                 assert!(replica.wanted_snapshot().is_none(), "{delay_ms} ms");

@@ -159,12 +159,12 @@ impl Live {
             };
             epoch
         };
-        let (revision, places) = {
+        let (revision, slots) = {
             let mut settings = self.shared.settings();
             let revision = settings.next_revision();
             settings.parameters = LoopParameters { revision, ..moved };
             settings.spec = spec;
-            (revision, settings.places.len())
+            (revision, settings.slots.len())
         };
         self.order(Order::ReplaceClay {
             session,
@@ -175,7 +175,7 @@ impl Live {
                     since_revision: revision,
                     epoch: clay_epoch,
                 },
-                before: Vec::with_capacity(places),
+                before: Vec::with_capacity(slots),
             }),
         })
         .await?;
@@ -231,24 +231,24 @@ impl Live {
     }
 
     /// Whether `lease` is held in this session, and where.
-    pub(crate) fn place_of(&self, lease: u32) -> Option<usize> {
+    pub(crate) fn slot_of(&self, lease: u32) -> Option<usize> {
         let settings = self.shared.settings();
         settings
-            .places
+            .slots
             .iter()
             .position(|held| held.as_ref().is_some_and(|held| held.lease == lease))
     }
 
-    pub(crate) async fn end_lease(&self, place: usize, lease: u32, because: &str) {
+    pub(crate) async fn end_lease(&self, slot: usize, lease: u32, because: &str) {
         let ended = {
             let mut settings = self.shared.settings();
             let is_held = settings
-                .places
-                .get(place)
+                .slots
+                .get(slot)
                 .and_then(Option::as_ref)
                 .is_some_and(|held| held.lease == lease);
             if is_held {
-                settings.places[place].take()
+                settings.slots[slot].take()
             } else {
                 None
             }
@@ -259,14 +259,14 @@ impl Live {
             format!(
                 "{} {because}: tool {} is free",
                 ended.operator,
-                tool_id(place)
+                tool_id(slot)
             ),
         );
         // A loop that does not answer has worse troubles, and says so elsewhere.
         let _ = self
             .order(Order::Detach {
                 session: self.shared.number,
-                place,
+                slot,
                 lease,
             })
             .await;
@@ -285,10 +285,10 @@ impl Live {
             return Err((RefusalCode::Fault, reason));
         }
         let lease = inner.next_lease.fetch_add(1, Ordering::Relaxed);
-        let Some(place) = self.shared.hold_place(&request.operator, lease) else {
+        let Some(slot) = self.shared.hold_slot(&request.operator, lease) else {
             let reason = format!(
                 "all {} tools of session `{}` are held",
-                self.shared.settings().places.len(),
+                self.shared.settings().slots.len(),
                 self.shared.id
             );
             return Err((RefusalCode::NoFreeTool, reason));
@@ -302,11 +302,11 @@ impl Live {
             .map_err(|error: ParameterError| unavailable(error.to_string()))?;
         let attach = Order::Attach {
             session: self.shared.number,
-            place,
+            slot,
             side: Box::new(side),
         };
         if let Err(error) = self.order(attach).await {
-            self.shared.settings().places[place] = None;
+            self.shared.settings().slots[slot] = None;
             return Err(unavailable(error.to_string()));
         }
         let (epoch, revision) = {
@@ -315,7 +315,7 @@ impl Live {
         };
         Ok(Granted {
             lease,
-            tool: tool_id(place),
+            tool: tool_id(slot),
             lease_s: self.shared.lease_s(),
             parameters: loop_parameters,
             clay: ClayDescription {

@@ -20,7 +20,7 @@ use teleclay_proto::{PROTOCOL, SessionId};
 
 use crate::collector::{Finding, LoopStats, Notice, notify};
 use crate::convert;
-use crate::engine::{Incoming, MAX_PLACES, MAX_SESSIONS, Order, Running, Shared};
+use crate::engine::{Incoming, MAX_SESSIONS, MAX_TOOLS, Order, Running, Shared};
 use crate::session::SessionShared;
 
 pub use live::{ClayView, Live};
@@ -161,7 +161,7 @@ impl Directory {
         let session = SessionLoop::new(
             clay,
             material,
-            usize::from(new.tools).min(MAX_PLACES),
+            usize::from(new.tools).min(MAX_TOOLS),
             &lines,
         );
         let (running, ends) = Running::new(number, session);
@@ -253,12 +253,12 @@ impl Directory {
     pub(crate) async fn act_on(&self, finding: Finding) {
         let Finding::LeaseEnded {
             session,
-            place,
+            slot,
             lease,
             because,
         } = finding;
         if let Some(live) = self.live_by_number(session) {
-            live.end_lease(place, lease, because).await;
+            live.end_lease(slot, lease, because).await;
         }
     }
 

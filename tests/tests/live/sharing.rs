@@ -54,7 +54,7 @@ fn two_operators_hold_two_tools_and_a_third_is_refused_with_the_reason() {
     let mut ada = ada;
     assert!(ada.process.end().unwrap().success());
     let room = client
-        .session_when("shared", "Ada's place", PATIENCE, |session| {
+        .session_when("shared", "Ada's slot", PATIENCE, |session| {
             session.tools.len() == 1
         })
         .unwrap();
