@@ -5,9 +5,10 @@
 //!            frames ^        v frame, record
 //! ```
 //!
-//! The thread owns the device for as long as the program runs, with a server or without: a lost server leaves the handle side with its
-//! watchdog, a new lease comes as a new [`Attachment`]. It takes orders and frames from lock-free rings and puts frames, records and attachments it is
-//! done with into others; it never allocates, locks, or calls Zenoh.
+//! The thread owns the device for as long as the program runs, with a server or without: a lost server leaves the
+//! handle side with its watchdog, a new lease comes as a new [`Attachment`]. It takes orders and frames from lock-free
+//! rings and puts frames, records and attachments it is done with into others; it never allocates, locks, or calls
+//! Zenoh.
 
 use std::io;
 use std::sync::Arc;

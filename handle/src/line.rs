@@ -73,8 +73,9 @@ pub(crate) struct Line {
 }
 
 impl Line {
-    /// Declares everything, and gives the attachment for the tick. `gone` gets the lease when the server goes: a process that dies takes its connections
-    /// with it, and that is seen at once. One that no longer answers is not seen so; silence tells of it.
+    /// Declares everything, and gives the attachment for the tick. `gone` gets the lease when the server goes: a
+    /// process that dies takes its connections with it, and that is seen at once. One that no longer answers is not
+    /// seen so; silence tells of it.
     ///
     /// # Errors
     /// The parameters make no loop, or a resource is missing.

@@ -4,8 +4,8 @@
 //! its command; then the session takes in what the lines delivered and steps. So without delay the tool side knows the hand's force of the same tick, and the
 //! handle side the clay's force at the present pose: both drive their admittance with the same net force.
 //!
-//! Snapshots of the clay travel beside the lines, as on a stream that repeats what is lost: asked for at a delay up, taken from the clay then, there after a
-//! delay down.
+//! Snapshots of the clay travel beside the lines, as on a stream that repeats what is lost: asked for at a delay up,
+//! taken from the clay then, there after a delay down.
 
 use std::sync::Arc;
 use std::time::Duration;

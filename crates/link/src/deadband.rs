@@ -8,8 +8,8 @@
 //! by less than a hand can tell. Energy is another matter: many small errors add up. No scheme here counts energy by what it holds; cumulative
 //! energies travel with the frames, and what a frame does not vouch for is not spent.
 //!
-//! Which signal counts is the scheme's to say ([`HandleController::signal`](crate::scheme::HandleController::signal)): what the other end really works
-//! with. Where that end cannot bridge a gap, every frame goes out.
+//! Which signal counts is the scheme's to say ([`HandleController::signal`](crate::scheme::HandleController::signal)):
+//! what the other end really works with. Where that end cannot bridge a gap, every frame goes out.
 
 use std::time::Duration;
 

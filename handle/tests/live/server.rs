@@ -140,7 +140,7 @@ impl Server {
         let next_lease = Arc::new(AtomicU32::new(first_lease));
         let (mut queryables, mut subscribers) = (Vec::new(), Vec::new());
         for node in nodes {
-            let desk = Desk {
+            let served = ServedSession {
                 keys: keys(node),
                 mood: Arc::clone(&mood),
                 saw: saw.clone(),
@@ -149,9 +149,9 @@ impl Server {
                 slow_endpoint: slow_endpoint.clone(),
             };
             for session in [&control, &slow] {
-                queryables.extend(desk.open(session).await);
+                queryables.extend(served.open(session).await);
             }
-            subscribers.push(desk.work(&control).await);
+            subscribers.push(served.work(&control).await);
         }
         Self {
             mood,
@@ -203,7 +203,7 @@ fn listening(endpoint: &str) -> Endpoints {
 
 /// One node's session.
 #[derive(Clone)]
-struct Desk {
+struct ServedSession {
     keys: SessionKeys,
     mood: Arc<Mood>,
     saw: UnboundedSender<Seen>,
@@ -212,7 +212,7 @@ struct Desk {
     slow_endpoint: String,
 }
 
-impl Desk {
+impl ServedSession {
     async fn open(&self, session: &Session) -> [Queryable<()>; 3] {
         let (join, leave, fresh) = (self.clone(), self.clone(), self.clone());
         [
@@ -280,10 +280,10 @@ impl Desk {
             .await
             .expect("a publisher");
         let (arrived, frames) = mpsc::channel::<HandleFrame>();
-        let desk = self.clone();
+        let served = self.clone();
         thread::spawn(move || {
             let mut tool = Tool {
-                desk,
+                served,
                 clock: Clock::start(),
                 sequence: 0,
                 greeted: 0,
@@ -304,7 +304,7 @@ impl Desk {
 }
 
 struct Tool {
-    desk: Desk,
+    served: ServedSession,
     clock: Clock,
     sequence: u32,
     greeted: u32,
@@ -314,24 +314,24 @@ struct Tool {
 impl Tool {
     fn answer(&mut self, frame: &HandleFrame, put: impl Fn(&[u8])) {
         let lease = frame.header.lease;
-        if lease != self.desk.lease.load(Ordering::Relaxed) {
+        if lease != self.served.lease.load(Ordering::Relaxed) {
             return;
         }
         if self.greeted != lease {
             self.greeted = lease;
-            self.desk.emit(Seen::FirstFrame(lease));
+            self.served.emit(Seen::FirstFrame(lease));
         }
         if frame.engagement == Engagement::Leaving && self.left != lease {
             self.left = lease;
-            self.desk.emit(Seen::Goodbye(lease));
+            self.served.emit(Seen::Goodbye(lease));
         }
-        let speech = *self.desk.mood.speech.lock().unwrap();
+        let speech = *self.served.mood.speech.lock().unwrap();
         if speech == Speech::Silence {
             return;
         }
         self.sequence += 1;
         let mut answer = ToolFrame {
-            status: *self.desk.mood.status.lock().unwrap(),
+            status: *self.served.mood.status.lock().unwrap(),
             force_n: [-PUSH_N, 0.0, 0.0],
             ..ToolFrame::default()
         };
