@@ -4,7 +4,6 @@ use std::hint::black_box;
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
-use teleclay_bilateral::rig::{Rig, Setup};
 use teleclay_bilateral::{HandleSide, Lines, Permission, ToolSide};
 use teleclay_clay::{Ball, Clay, ContactState, Material, Motion, Pose, Shape, Tool, ToolShape};
 use teleclay_link::conditioner::Impairment;
@@ -12,6 +11,7 @@ use teleclay_link::time::Timestamp;
 use teleclay_operator::{Axes, Intent, Reach, SimulatedHandle};
 use teleclay_proto::join::LoopParameters;
 use teleclay_proto::{Scheme, ToolDescription};
+use teleclay_sim::rig::{Rig, Setup};
 
 use crate::row::{Row, quantile};
 

@@ -2,8 +2,8 @@
 
 use rtrb::{Consumer, Producer, RingBuffer};
 use teleclay_bilateral::{HandleSide, HandleStep, ParameterError};
+use teleclay_device::DeviceSample;
 use teleclay_link::time::Timestamp;
-use teleclay_operator::DeviceSample;
 use teleclay_proto::frame::ToolFrame;
 use teleclay_proto::join::Granted;
 

@@ -4,7 +4,7 @@
 //! commands end. So the last command coasts to a stop and the force fades, and only then another loop takes over, from where the handle
 //! stands.
 
-use teleclay_operator::DeviceSample;
+use teleclay_device::DeviceSample;
 
 use crate::device::DeviceCommand;
 

@@ -11,7 +11,8 @@ mod simulated;
 use std::fmt;
 use std::str::FromStr;
 
-use teleclay_operator::{DeviceSample, IntentError, RobotError, RobotState, SimulatedHandleError};
+use teleclay_device::DeviceSample;
+use teleclay_operator::{IntentError, RobotError, RobotState, SimulatedHandleError};
 use teleclay_proto::Axes;
 use teleclay_proto::join::Granted;
 use teleclay_proto::{ToolDescription, join::LoopParameters};

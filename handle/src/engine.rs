@@ -15,12 +15,13 @@ use std::sync::Arc;
 
 use rtrb::{Consumer, Producer, RingBuffer};
 use teleclay_bilateral::{LinkState, Retired};
+use teleclay_device::DeviceSample;
 use teleclay_link::arrivals::ArrivalCounts;
 use teleclay_link::replica::ToolSetup;
 use teleclay_link::safety::NotFinite;
 use teleclay_link::scheme::replica::Snapshot;
 use teleclay_link::time::Timestamp;
-use teleclay_operator::{DeviceSample, RobotState};
+use teleclay_operator::RobotState;
 use teleclay_proto::Scheme;
 use teleclay_proto::frame::{CopyState, Corrections};
 use teleclay_shell::Clock;

@@ -3,12 +3,12 @@
 use std::time::Duration;
 
 use serde::Serialize;
-use teleclay_bilateral::rig::{Rig, RigError};
 use teleclay_clay::UNITS_PER_VOXEL;
 use teleclay_link::replica::CorrectionLimiter;
 use teleclay_link::scheme::replica::ReplicaHandle;
 use teleclay_link::time::Timestamp;
 use teleclay_proto::Scheme;
+use teleclay_sim::rig::{Rig, RigError};
 
 use crate::cell::{self, Cell, Profile};
 use crate::task;

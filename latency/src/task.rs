@@ -8,11 +8,11 @@ use std::time::Duration;
 
 use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
-use teleclay_bilateral::rig::{Further, Rig, RigError, Setup};
 use teleclay_clay::{Clay, Shape};
 use teleclay_operator::Intent;
 use teleclay_proto::join::LoopParameters;
 use teleclay_proto::{Axes, Material, ToolDescription};
+use teleclay_sim::rig::{Further, Rig, RigError, Setup};
 
 use crate::cell::{Cell, Profile};
 

@@ -3,9 +3,9 @@
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use teleclay_bilateral::wall::{WallSetup, measured_critical_stiffness};
 use teleclay_control::wall::{DelayedWall, critical_stiffness};
 use teleclay_link::conditioner::Impairment;
+use teleclay_sim::wall::{WallSetup, measured_critical_stiffness};
 
 /// One wall.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

@@ -41,7 +41,7 @@ def main():
         "crates/kinematics/tests/reference/cases.json": robot,
         "crates/control/tests/reference/loops.json": loops,
         "crates/control/tests/reference/plants.json": plants,
-        "crates/bilateral/tests/reference/cutting.json": experiments,
+        "crates/sim/tests/reference/cutting.json": experiments,
     }
     wrong = 0
     for name, recompute in files.items():

@@ -11,6 +11,7 @@ use std::sync::Arc;
 
 use teleclay_clay::Clay;
 use teleclay_control::State;
+use teleclay_device::DeviceSample;
 use teleclay_link::Vec3;
 use teleclay_link::arrivals::{Arrival, ArrivalCounts, Arrivals};
 use teleclay_link::deadband::{Deadband, DeadbandError, DeadbandSettings};
@@ -20,7 +21,6 @@ use teleclay_link::safety::{ForceLimiter, NotFinite, Watchdog, check};
 use teleclay_link::scheme::replica::{ReplicaHandle, Snapshot, WantedSnapshot};
 use teleclay_link::scheme::{HandleController, HandlePort, handle_controller};
 use teleclay_link::time::Timestamp;
-use teleclay_operator::DeviceSample;
 use teleclay_proto::frame::{
     CopyState, Corrections, Engagement, HandleFrame, Header, LoopStatus, Sweeps, ToolFrame,
 };

@@ -28,17 +28,6 @@ pub use teleclay_kinematics::Singularity;
 /// Three-vector in SI units; axes x, y, z of the handle.
 pub type Vec3 = nalgebra::Vector3<f64>;
 
-/// What a handle measures at one tick.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct DeviceSample {
-    /// Displacement from home, m. On a two-axis handle the third value is the lift the operator asks for.
-    pub position_m: [f64; 3],
-    /// Its rate, m/s.
-    pub velocity_m_s: [f64; 3],
-    /// Net force at the sensor, `f_h = u_h - T_h y_h`, N.
-    pub hand_force_n: [f64; 3],
-}
-
 /// How many axes of a handle reflect force.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Axes {

@@ -11,7 +11,9 @@ use teleclay_control::{
 
 use crate::intent::Intent;
 use crate::person::Person;
-use crate::{Axes, DeviceSample, Vec3};
+use teleclay_device::DeviceSample;
+
+use crate::{Axes, Vec3};
 
 /// Why a handle cannot be simulated.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

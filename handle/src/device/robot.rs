@@ -1,6 +1,7 @@
 //! The parallel robot of \[KHMH03\] in software, held by somebody who follows an intent.
 
-use teleclay_operator::{DeviceSample, RobotHandle, RobotSetup, RobotState};
+use teleclay_device::DeviceSample;
+use teleclay_operator::{RobotHandle, RobotSetup, RobotState};
 
 use super::room::cutting_room;
 use super::{Device, DeviceCommand, DeviceError, DeviceRequest, DeviceSetup, Rounds};

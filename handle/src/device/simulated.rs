@@ -1,6 +1,7 @@
 //! The handle of \[KHMH03\] in software, held by somebody who follows an intent.
 
-use teleclay_operator::{DeviceSample, SimulatedHandle};
+use teleclay_device::DeviceSample;
+use teleclay_operator::SimulatedHandle;
 
 use super::room::cutting_room;
 use super::{Device, DeviceCommand, DeviceError, DeviceRequest, DeviceSetup, Rounds};

@@ -9,7 +9,8 @@ use std::sync::mpsc::{self, Receiver};
 use std::time::Duration;
 
 use rtrb::Producer;
-use teleclay_operator::{Axes, DeviceSample, Intent, SimulatedHandle};
+use teleclay_device::DeviceSample;
+use teleclay_operator::{Axes, Intent, SimulatedHandle};
 use teleclay_proto::frame::{Engagement, HandleFrame, LoopStatus, ToolFrame};
 use teleclay_proto::http::ClayShape;
 use teleclay_proto::join::{ClayDescription, Granted, LoopParameters};

@@ -8,9 +8,9 @@ use std::cell::Cell;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
+use teleclay_device::DeviceSample;
 use teleclay_handle::device::{Device, DeviceCommand, DeviceError, DeviceRequest, SimulatedDevice};
 use teleclay_handle::intent::Intent;
-use teleclay_operator::DeviceSample;
 
 use super::holder::Holder;
 use super::server::{Server, free_endpoint};

@@ -3,13 +3,13 @@
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
+use teleclay_device::DeviceSample;
 use teleclay_handle::device::{
     Device, DeviceCommand, DeviceError, DeviceRequest, DeviceSetup, SimulatedDevice,
 };
 use teleclay_handle::event::Event;
 use teleclay_handle::intent::Intent;
 use teleclay_handle::run::{Ending, OpenDevice, Options, Until};
-use teleclay_operator::DeviceSample;
 use teleclay_proto::SessionId;
 use teleclay_shell::Drift;
 use teleclay_shell::ticker::Scheduling;

@@ -1,14 +1,14 @@
-//! The cutting experiment: requests to `teleclay_bilateral::experiment` and back.
+//! The cutting experiment: requests to `teleclay_sim::experiment` and back.
 
 use std::ops::ControlFlow;
 
-use teleclay_bilateral::experiment::{
-    CuttingExperiment, CuttingInputs, Outcome, Plateau, Progress, Push, Refusal, RunError, Specimen,
-};
 use teleclay_proto::http::theory::{
     CuttingAnswer, CuttingRequest, CuttingSpecimen, CuttingTrace, HandForceAt,
 };
 use teleclay_proto::http::{FieldError, Validate};
+use teleclay_sim::experiment::{
+    CuttingExperiment, CuttingInputs, Outcome, Plateau, Progress, Push, Refusal, RunError, Specimen,
+};
 
 use super::Unanswered;
 

@@ -1,6 +1,6 @@
 //! The calls of the theory, from a request to an answer, without HTTP: the interface and the command line both use them.
 //!
-//! The mathematics is in `teleclay_kinematics`, `teleclay_control` and `teleclay_bilateral::experiment`; here requests become their inputs,
+//! The mathematics is in `teleclay_kinematics`, `teleclay_control` and `teleclay_sim::experiment`; here requests become their inputs,
 //! and their errors say which field of the request is at fault.
 
 mod cutting;

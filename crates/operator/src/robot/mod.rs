@@ -22,7 +22,9 @@ use teleclay_kinematics::{Assembly, Geometry, KinematicsError, Singularity};
 
 use crate::intent::Intent;
 use crate::person::Person;
-use crate::{Axes, DeviceSample, SimulatedHandleError, Vec3};
+use teleclay_device::DeviceSample;
+
+use crate::{Axes, SimulatedHandleError, Vec3};
 use fence::{Fence, clearance, nearest};
 use joints::{Grip, Joints};
 

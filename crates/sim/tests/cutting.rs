@@ -5,10 +5,10 @@ use std::ops::ControlFlow;
 use proptest::prelude::*;
 use proptest::test_runner::{RngSeed, TestCaseError};
 use serde_json::Value;
-use teleclay_bilateral::experiment::{
+use teleclay_control::{Polynomial, paper};
+use teleclay_sim::experiment::{
     CuttingExperiment, CuttingInputs, Outcome, Push, Refusal, RunError,
 };
-use teleclay_control::{Polynomial, paper};
 
 fn run(inputs: CuttingInputs) -> (CuttingExperiment, Outcome) {
     let experiment = CuttingExperiment::new(inputs).unwrap();

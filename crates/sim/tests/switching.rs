@@ -11,10 +11,10 @@ use std::time::Duration;
 
 use rigs::{TICK, both_ways, carving, cutting, distance, line, running};
 use teleclay_bilateral::LinkState;
-use teleclay_bilateral::rig::Rig;
 use teleclay_link::conditioner::Impairment;
 use teleclay_proto::Material;
 use teleclay_proto::Scheme;
+use teleclay_sim::rig::Rig;
 
 const SCHEMES: [Scheme; 5] = [
     Scheme::ForceExchange,

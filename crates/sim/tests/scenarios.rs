@@ -3,7 +3,6 @@
 
 use std::time::Duration;
 
-use teleclay_bilateral::rig::{Rig, Setup};
 use teleclay_bilateral::{Lines, LinkState, Permission, ToolSide, material};
 use teleclay_clay::{Clay, Shape, SteppedBlock};
 use teleclay_link::conditioner::{Bursts, Impairment, JitterDistribution, Outages};
@@ -12,6 +11,7 @@ use teleclay_operator::{Intent, Reach};
 use teleclay_proto::frame::HandleFrame;
 use teleclay_proto::join::LoopParameters;
 use teleclay_proto::{Axes, Scheme, ToolDescription};
+use teleclay_sim::rig::{Rig, Setup};
 
 fn force_exchange() -> LoopParameters {
     LoopParameters {

@@ -11,12 +11,12 @@ use std::time::Duration;
 
 use rigs::{both_ways, carving, embedded, line, norm, running, viscous};
 use teleclay_bilateral::LinkState;
-use teleclay_bilateral::rig::Rig;
 use teleclay_link::Vec3;
 use teleclay_link::deadband::{DeadbandError, DeadbandSettings};
 use teleclay_operator::{Intent, Waypoint};
 use teleclay_proto::join::LoopParameters;
 use teleclay_proto::{Material, Scheme};
+use teleclay_sim::rig::Rig;
 
 /// A calm hand that goes to and fro at 60 mm/s above the clay.
 fn in_air() -> Intent {

@@ -16,12 +16,12 @@ use rigs::{
     BURSTS, OUTAGES, TICK, both_ways, carving, cutting, embedded, line, material, running, shaking,
     viscous,
 };
-use teleclay_bilateral::rig::Rig;
 use teleclay_link::conditioner::{Impairment, JitterDistribution};
 use teleclay_link::deadband::DeadbandSettings;
 use teleclay_operator::Intent;
 use teleclay_proto::join::LoopParameters;
 use teleclay_proto::{Axes, Material, Scheme};
+use teleclay_sim::rig::Rig;
 
 /// Rounding of sums of a few joules.
 const NOTHING_J: f64 = 1e-6;

@@ -14,7 +14,6 @@ use rigs::{
     BURSTS, OUTAGES, TICK, both_ways, carving, cutting, embedded, line, norm, running, viscous,
 };
 use teleclay_bilateral::LinkState;
-use teleclay_bilateral::rig::{Further, Rig, Setup};
 use teleclay_clay::{Clay, Pose, SOLID, Shape, Sweep, ToolShape};
 use teleclay_link::Vec3;
 use teleclay_link::conditioner::{Impairment, JitterDistribution, Outages};
@@ -23,6 +22,7 @@ use teleclay_operator::{Intent, Waypoint};
 use teleclay_proto::frame::{CopyState, Corrections, SweepRecord};
 use teleclay_proto::join::LoopParameters;
 use teleclay_proto::{Axes, Material, Scheme, ToolDescription};
+use teleclay_sim::rig::{Further, Rig, Setup};
 
 const RADIUS_M: f64 = 0.0064;
 

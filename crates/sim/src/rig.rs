@@ -11,21 +11,22 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use teleclay_clay::Clay;
+use teleclay_device::DeviceSample;
 use teleclay_link::Vec3;
 use teleclay_link::deadband::{DeadbandError, DeadbandSettings};
 use teleclay_link::energy::Observer;
 use teleclay_link::replica::ToolSetup;
 use teleclay_link::scheme::replica::{Generation, ReplicaHandle, Snapshot};
 use teleclay_link::time::Timestamp;
-use teleclay_operator::{Axes, DeviceSample, Intent, SimulatedHandle, SimulatedHandleError};
+use teleclay_operator::{Axes, Intent, SimulatedHandle, SimulatedHandleError};
 use teleclay_proto::Scheme;
 use teleclay_proto::frame::ToolFrame;
 use teleclay_proto::join::LoopParameters;
 
-use crate::handle_side::{HandleSide, HandleStep};
-use crate::parameters::{ParameterError, material, tool_setup};
-use crate::session::{FreshBlock, Lines, SessionLoop};
-use crate::tool_side::ToolSide;
+use teleclay_bilateral::{
+    FreshBlock, HandleSide, HandleStep, Lines, LinkState, ParameterError, SessionLoop, ToolSide,
+    material, tool_setup,
+};
 
 /// Most frames that one tick can deliver to a handle.
 const INBOX: usize = 8192;
@@ -129,7 +130,7 @@ impl Hand {
             last: HandleStep {
                 command_m: [0.0; 3],
                 felt_force_n: [0.0; 3],
-                link_state: crate::LinkState::NotYet,
+                link_state: LinkState::NotYet,
             },
             observer: Observer::new(parameters.position_ratio * parameters.force_ratio),
             sent: Traffic::default(),

@@ -2,8 +2,8 @@
 
 use std::time::Duration;
 
-use teleclay_bilateral::wall::{WallSetup, measured_critical_stiffness};
 use teleclay_link::conditioner::Impairment;
+use teleclay_sim::wall::{WallSetup, measured_critical_stiffness};
 
 const TICK_S: f64 = 1e-3;
 

@@ -5,9 +5,9 @@ mod rigs;
 use std::time::Duration;
 
 use rigs::{both_ways, distance, embedded, line, running, viscous};
-use teleclay_bilateral::rig::Rig;
 use teleclay_operator::Intent;
 use teleclay_proto::Scheme;
+use teleclay_sim::rig::Rig;
 
 const SCHEMES: [Scheme; 5] = [
     Scheme::ForceExchange,

@@ -11,7 +11,7 @@ use super::feasible::TICK_S;
 use super::record::{Plateau, Recorder, Sample, Trace, Window};
 use super::{CuttingExperiment, LONGEST_S, Push, Refusal};
 use crate::rig::{Rig, RigError, Setup};
-use crate::session::Lines;
+use teleclay_bilateral::Lines;
 
 /// Ticks between two reports of progress.
 const REPORT_TICKS: u64 = 100;

@@ -6,12 +6,13 @@ use std::time::Duration;
 
 use rigs::{TICK, TICK_S, both_ways, carving, line, running};
 use teleclay_bilateral::HandleSide;
-use teleclay_bilateral::rig::Rig;
+use teleclay_device::DeviceSample;
 use teleclay_link::scheme::tdpa::{DRIFT_SPEED_M_S, RESERVE_J};
 use teleclay_link::time::Timestamp;
-use teleclay_operator::{DeviceSample, Intent, Waypoint};
+use teleclay_operator::{Intent, Waypoint};
 use teleclay_proto::frame::{Header, LoopStatus, ToolFrame};
 use teleclay_proto::{Material, Scheme};
+use teleclay_sim::rig::Rig;
 
 /// A handle that is at rest whenever it is sampled and has moved all the same: what counts is the way, against the force that was felt on it.
 #[test]
