@@ -4,13 +4,14 @@ use std::hint::black_box;
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
-use teleclay_bilateral::{HandleSide, Lines, Permission, ToolSide};
+use teleclay_bilateral::{HandleSide, Lease, Permission, ToolSide};
 use teleclay_clay::{Ball, Clay, ContactState, Material, Motion, Pose, Shape, Tool, ToolShape};
 use teleclay_link::conditioner::Impairment;
 use teleclay_link::time::Timestamp;
 use teleclay_operator::{Axes, Intent, Reach, SimulatedHandle};
 use teleclay_proto::join::LoopParameters;
 use teleclay_proto::{Scheme, ToolDescription};
+use teleclay_session::Lines;
 use teleclay_sim::rig::{Rig, Setup};
 
 use crate::row::{Row, quantile};
@@ -104,7 +105,13 @@ impl Working {
     pub(crate) fn new() -> anyhow::Result<Self> {
         let parameters = parameters();
         Ok(Self {
-            handle: HandleSide::new(&parameters, 1)?,
+            handle: HandleSide::new(
+                &parameters,
+                Lease {
+                    number: 1,
+                    ownership_epoch: 0,
+                },
+            )?,
             tool: ToolSide::new(&parameters, 1)?,
             device: SimulatedHandle::new(Axes::Two, TICK_S, cutting()?)?,
             clay: block()?,
@@ -120,13 +127,13 @@ impl Working {
         let step = self.handle.step(now, &self.device.sample());
         self.device.command(step.command_m);
         let started = Instant::now();
-        self.tool.on_frame(now, self.handle.frame());
+        self.tool.handle_frame(now, self.handle.frame());
         black_box(
             self.tool
                 .step(now, &mut self.clay, &self.material, Permission::Work),
         );
         let took = started.elapsed().as_nanos() as u64;
-        self.handle.on_frame(now, self.tool.frame());
+        self.handle.handle_frame(now, self.tool.frame());
         took
     }
 

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser, ValueEnum};
-use teleclay_proto::{NodeName, SessionId};
+use teleclay_proto::{RealmName, SessionId};
 use teleclay_shell::Drift;
 use teleclay_shell::network::check_endpoint;
 use teleclay_shell::ticker::Scheduling;
@@ -28,14 +28,14 @@ const LONGEST_WAYPOINTS: u64 = 1 << 20;
 #[command(name = "teleclay-handle", version, after_help = EXIT_CODES)]
 pub struct Arguments {
     /// Zenoh endpoint of the server
-    #[arg(long, value_name = "ENDPOINT", default_value = "tcp/127.0.0.1:7447", value_parser = endpoint)]
+    #[arg(long, value_name = "ENDPOINT", default_value = "tcp/127.0.0.1:7547", value_parser = endpoint)]
     pub connect: String,
     /// The session to join
     #[arg(long, value_name = "NAME", default_value = "demo")]
     pub session: SessionId,
-    /// The server, when several can be reached (default: whichever answers)
-    #[arg(long, value_name = "NAME")]
-    pub node: Option<NodeName>,
+    /// The realm that the session belongs to: the servers that share sessions have one name
+    #[arg(long, value_name = "NAME", default_value = "local")]
+    pub realm: RealmName,
     /// Who holds the handle, for people to read (default: USER@HOST)
     #[arg(long, value_name = "NAME", value_parser = operator)]
     pub operator: Option<String>,
@@ -343,7 +343,7 @@ mod tests {
     #[test]
     fn without_arguments_it_joins_the_demo_on_this_machine_and_cuts() {
         let (arguments, intent) = read(&[]).unwrap();
-        assert_eq!(arguments.connect, "tcp/127.0.0.1:7447");
+        assert_eq!(arguments.connect, "tcp/127.0.0.1:7547");
         assert_eq!(arguments.session.as_str(), "demo");
         assert_eq!(
             (arguments.device, intent),
@@ -422,7 +422,7 @@ mod tests {
     fn what_is_wrong_is_named_with_what_would_be_right() {
         for (words, what) in [
             (
-                &["--connect", "localhost:7447"][..],
+                &["--connect", "localhost:7547"][..],
                 "want tcp/ADDRESS:PORT",
             ),
             (&["--session", "De mo"], "wanted a-z, 0-9, _ or -"),

@@ -1,7 +1,7 @@
 //! One lease as the tick holds it: the handle side of the loop, and the ends of the rings to and from the network.
 
 use rtrb::{Consumer, Producer, RingBuffer};
-use teleclay_bilateral::{HandleSide, HandleStep, ParameterError};
+use teleclay_bilateral::{HandleSide, HandleStep, Lease, ParameterError};
 use teleclay_device::DeviceSample;
 use teleclay_link::time::Timestamp;
 use teleclay_proto::frame::ToolFrame;
@@ -50,9 +50,13 @@ impl Attachment {
         outbox: Outbox,
     ) -> Result<(Box<Self>, Producer<Arrived>), ParameterError> {
         let (arriving, inbox) = RingBuffer::new(WAITING);
+        let lease = Lease {
+            number: granted.lease,
+            ownership_epoch: granted.ownership_epoch,
+        };
         let attachment = Self {
             lease: granted.lease,
-            side: HandleSide::new(&granted.parameters, granted.lease)?,
+            side: HandleSide::new(&granted.parameters, lease)?,
             ramp_s: granted.parameters.ramp_s,
             outbox,
             inbox,
@@ -75,7 +79,7 @@ impl Attachment {
         let mut heard = Heard::default();
         while let Ok(Arrived { at, frame }) = self.inbox.pop() {
             self.heard_at = self.heard_at.max(at);
-            self.side.on_frame(at, &frame);
+            self.side.handle_frame(at, &frame);
             let header = &frame.header;
             let Some(reaction_ns) = at.as_nanos().checked_sub(header.echo_ns) else {
                 continue;

@@ -1,46 +1,43 @@
-//! The tick: device and handle side, stepped by one 1 kHz thread.
+//! Device and handle side, stepped by one 1 kHz thread: the machine that [`teleclay_shell::realtime`] runs.
 //!
 //! ```text
 //! device ─sample─> handle side ─command─> device
 //!            frames ^        v frame, record
 //! ```
 //!
-//! The thread owns the device for as long as the program runs, with a server or without: a lost server leaves the
-//! handle side with its watchdog, a new lease comes as a new [`Attachment`]. It takes orders and frames from lock-free
-//! rings and puts frames, records and attachments it is done with into others; it never allocates, locks, or calls
-//! Zenoh.
+//! The machine owns the device for as long as the program runs, with a server or without: a lost server leaves the
+//! handle side with its watchdog, a new lease comes as a new [`Attachment`]. It takes orders, and frames from the
+//! attachment's ring; it never allocates, locks, or calls Zenoh.
 
-use std::io;
 use std::sync::Arc;
 
-use rtrb::{Consumer, Producer, RingBuffer};
-use teleclay_bilateral::{LinkState, Retired};
+use teleclay_bilateral::{HandleSide, HandleStep, LinkState, Retired};
 use teleclay_device::DeviceSample;
 use teleclay_link::arrivals::ArrivalCounts;
 use teleclay_link::replica::ToolSetup;
 use teleclay_link::safety::NotFinite;
+use teleclay_link::scheme::HandleController;
 use teleclay_link::scheme::replica::Snapshot;
 use teleclay_link::time::Timestamp;
 use teleclay_operator::RobotState;
 use teleclay_proto::Scheme;
 use teleclay_proto::frame::{CopyState, Corrections};
-use teleclay_shell::Clock;
-use teleclay_shell::ticker::{Next, Tick, Ticker, TickerConfig};
+use teleclay_shell::realtime::{Capacities, Machine, Out, Timing};
 
 use crate::attachment::{Attachment, Heard};
 use crate::brake::Brake;
 use crate::device::{Device, DeviceCommand, DeviceError, DeviceRequest};
 use crate::refresh::Wanted;
 
-/// Records that may wait for whoever reads them: four seconds of ticks.
-const RECORDS_WAITING: usize = 4096;
+/// Lengths of the thread's rings. Four seconds of ticks may wait to be read.
+pub(crate) const CAPACITIES: Capacities = Capacities {
+    orders: 8,
+    done: 16,
+    records: 4096,
+};
 /// A handle that follows slowly never stands quite where it was sent, and a loop that takes over starts from where it stands. What lies
 /// between fades with this time constant, s: 0.1 mm then moves the handle at 1 mm/s.
 const SETTLE_TAU_S: f64 = 0.1;
-/// Orders that may wait.
-const ORDERS_WAITING: usize = 8;
-/// Things that wait to be dropped.
-const DISCARDED_WAITING: usize = 16;
 
 /// What the tick is told to do.
 pub(crate) enum Order {
@@ -54,6 +51,12 @@ pub(crate) enum Order {
     },
     /// The server's clay, under this lease.
     LoadSnapshot { lease: u32, snapshot: Snapshot },
+    /// A controller for the day when the session changes to this scheme, under this lease.
+    Provide {
+        lease: u32,
+        scheme: Scheme,
+        controller: Box<dyn HandleController>,
+    },
     /// The server of this lease has gone.
     Release { lease: u32 },
     /// Says goodbye and brings the handle to rest.
@@ -61,11 +64,24 @@ pub(crate) enum Order {
 }
 
 /// What the tick is done with; to be dropped where that costs no tick.
-pub(crate) enum Discarded {
-    Attachment { _attachment: Box<Attachment> },
-    ToolSetup { _setup: Arc<ToolSetup> },
-    Snapshot { _snapshot: Snapshot },
-    Retired { _retired: Retired },
+pub(crate) enum Done {
+    /// An order that left nothing behind.
+    Order,
+    Controller {
+        _controller: Box<dyn HandleController>,
+    },
+    Attachment {
+        _attachment: Box<Attachment>,
+    },
+    ToolSetup {
+        _setup: Arc<ToolSetup>,
+    },
+    Snapshot {
+        _snapshot: Snapshot,
+    },
+    Retired {
+        _retired: Retired,
+    },
 }
 
 /// Who moves the handle.
@@ -109,15 +125,6 @@ pub(crate) struct Record {
     pub(crate) robot: Option<RobotState>,
 }
 
-/// The ends of the rings that the tick does not hold.
-pub(crate) struct Ends {
-    pub(crate) orders: Producer<Order>,
-    pub(crate) records: Consumer<Record>,
-    pub(crate) discarded: Consumer<Discarded>,
-    /// Why the thread ended by itself.
-    pub(crate) failures: Consumer<DeviceError>,
-}
-
 /// The state of the thread.
 pub(crate) struct Engine {
     tick_s: f64,
@@ -131,10 +138,8 @@ pub(crate) struct Engine {
     /// What is added to the loop's commands, m; `None` until the loop's first.
     offset_m: Option<[f64; 3]>,
     request: Option<DeviceRequest>,
-    orders: Consumer<Order>,
-    records: Producer<Record>,
-    discarded: Producer<Discarded>,
-    failures: Producer<DeviceError>,
+    /// Of the present tick.
+    record: Option<Record>,
 }
 
 impl Engine {
@@ -144,13 +149,9 @@ impl Engine {
         tick_s: f64,
         device: Box<dyn Device>,
         mut attachment: Box<Attachment>,
-    ) -> (Self, Ends) {
-        let (orders_in, orders) = RingBuffer::new(ORDERS_WAITING);
-        let (records, records_out) = RingBuffer::new(RECORDS_WAITING);
-        let (discarded, discarded_out) = RingBuffer::new(DISCARDED_WAITING);
-        let (failures, failures_out) = RingBuffer::new(1);
+    ) -> Self {
         attachment.take(now);
-        let engine = Self {
+        Self {
             tick_s,
             device,
             attachment,
@@ -160,160 +161,7 @@ impl Engine {
             last_command: None,
             offset_m: None,
             request: None,
-            orders,
-            records,
-            discarded,
-            failures,
-        };
-        let ends = Ends {
-            orders: orders_in,
-            records: records_out,
-            discarded: discarded_out,
-            failures: failures_out,
-        };
-        (engine, ends)
-    }
-
-    /// Starts the thread.
-    ///
-    /// # Errors
-    /// The system cannot make a thread.
-    pub(crate) fn spawn(mut self, clock: Clock, config: TickerConfig) -> io::Result<Ticker> {
-        Ticker::spawn(config, move |tick| self.timed_tick(clock, &tick))
-    }
-
-    /// A tick, and its record.
-    fn timed_tick(&mut self, clock: Clock, tick: &Tick) -> Next {
-        let started_ns = clock.now_ns();
-        let mut record = match self.tick(Timestamp::from_nanos(started_ns)) {
-            Ok(record) => record,
-            Err(error) => {
-                // The ring holds the one failure that there can be.
-                let _ = self.failures.push(error);
-                return Next::Stop;
-            }
-        };
-        record.lateness_ns = tick.lateness.as_nanos() as u64;
-        record.given_up = tick.given_up;
-        record.work_ns = clock.now_ns() - started_ns;
-        if self.records.push(record).is_ok() {
-            self.request = None;
-        }
-        Next::Continue
-    }
-
-    /// One tick. Times in the record are the caller's to fill in.
-    fn tick(&mut self, now: Timestamp) -> Result<Record, DeviceError> {
-        self.take_orders(now);
-        let sample = self.device.sample()?;
-        let heard = self.attachment.listen();
-        let step = self.attachment.step(now, &sample);
-        if self.is_leaving || self.next.is_some() || self.attachment.side.fault().is_some() {
-            self.start_brake();
-        }
-        let mut mode = Mode::Coupled;
-        let mut command = DeviceCommand {
-            position_m: self.settle(step.command_m),
-            force_n: step.felt_force_n,
-        };
-        if let Some(brake) = &mut self.brake {
-            mode = if brake.is_done(&sample) {
-                Mode::Resting
-            } else {
-                Mode::Braking
-            };
-            command = brake.step(step.felt_force_n);
-        }
-        // A handle that is in fault before its first command is left alone.
-        if mode == Mode::Coupled || self.last_command.is_some() {
-            self.command(&command)?;
-        }
-        // The lease of an attachment that is about to be given up is over.
-        if self.next.is_none() {
-            self.attachment.send();
-        }
-        self.request = self.request.or_else(|| self.device.poll_request());
-        let record = Record {
-            at_ns: now.as_nanos(),
-            lateness_ns: 0,
-            given_up: 0,
-            work_ns: 0,
-            lease: self.attachment.lease,
-            mode,
-            link_state: step.link_state,
-            silence_ns: self.attachment.silence_ns(now),
-            echo_age_ns: self.attachment.echo_age_ns(now),
-            heard,
-            sample,
-            felt_force_n: command.force_n,
-            arrivals: self.attachment.side.arrivals(),
-            lost_on_the_way_out: self.attachment.lost_on_the_way_out(),
-            scheme: self.attachment.side.scheme(),
-            copy: self.attachment.side.frame().copy,
-            corrections: self.attachment.side.frame().corrections,
-            wanted: Wanted {
-                revision: self.attachment.side.revision(),
-                snapshot: self.attachment.side.wanted_snapshot(),
-            },
-            fault: self.attachment.side.fault(),
-            request: self.request,
-            robot: self.device.robot(),
-        };
-        if mode == Mode::Resting {
-            self.change_attachments(now);
-        }
-        self.discard_retired();
-        Ok(record)
-    }
-
-    fn take_orders(&mut self, now: Timestamp) {
-        // An order may leave one thing to discard: without room for it the order waits.
-        while 0 < self.discarded.slots() {
-            let Ok(order) = self.orders.pop() else { return };
-            match order {
-                Order::Leave => {
-                    self.is_leaving = true;
-                    self.attachment.side.leave();
-                }
-                Order::Attach(attachment) => {
-                    if let Some(overtaken) = self.next.replace(attachment) {
-                        self.discard(Discarded::Attachment {
-                            _attachment: overtaken,
-                        });
-                    }
-                }
-                Order::Move {
-                    lease,
-                    setup,
-                    deadband,
-                } => {
-                    let before = if lease == self.attachment.lease {
-                        let set = self.attachment.side.set_deadband(deadband);
-                        debug_assert!(set.is_ok(), "parameters are checked where they come in");
-                        self.attachment.side.move_to(setup)
-                    } else {
-                        setup
-                    };
-                    self.discard(Discarded::ToolSetup { _setup: before });
-                }
-                Order::LoadSnapshot { lease, snapshot } => {
-                    let unused = if lease == self.attachment.lease {
-                        self.attachment.side.on_snapshot(snapshot)
-                    } else {
-                        Some(snapshot)
-                    };
-                    if let Some(snapshot) = unused {
-                        self.discard(Discarded::Snapshot {
-                            _snapshot: snapshot,
-                        });
-                    }
-                }
-                Order::Release { lease } => {
-                    if lease == self.attachment.lease {
-                        self.attachment.side.on_peer_gone(now);
-                    }
-                }
-            }
+            record: None,
         }
     }
 
@@ -347,9 +195,8 @@ impl Engine {
     }
 
     /// Takes the next attachment, if one waits: the handle is at rest, and the new loop starts from where it stands.
-    fn change_attachments(&mut self, now: Timestamp) {
-        if self.is_leaving || self.attachment.side.fault().is_some() || self.discarded.slots() == 0
-        {
+    fn change_attachments(&mut self, now: Timestamp, out: &mut Out<Self>) {
+        if self.is_leaving || self.attachment.side.fault().is_some() || out.room_to_retire() == 0 {
             return;
         }
         let Some(mut attachment) = self.next.take() else {
@@ -357,24 +204,172 @@ impl Engine {
         };
         attachment.take(now);
         let left = std::mem::replace(&mut self.attachment, attachment);
-        self.discard(Discarded::Attachment { _attachment: left });
+        out.retire(Done::Attachment { _attachment: left });
         self.brake = None;
         self.offset_m = None;
     }
 
-    /// What the loop is done with, as long as there is room for it elsewhere.
-    fn discard_retired(&mut self) {
-        while 0 < self.discarded.slots() {
-            let Some(retired) = self.attachment.side.take_retired() else {
-                return;
-            };
-            self.discard(Discarded::Retired { _retired: retired });
+    /// The side of this lease, if it is the present one.
+    fn side_of(&mut self, lease: u32) -> Option<&mut HandleSide> {
+        (lease == self.attachment.lease).then_some(&mut self.attachment.side)
+    }
+
+    fn record(&self, now: Timestamp, mode: Mode, heard: Heard, step: &HandleStep) -> Record {
+        let side = &self.attachment.side;
+        Record {
+            at_ns: now.as_nanos(),
+            lateness_ns: 0,
+            given_up: 0,
+            work_ns: 0,
+            lease: self.attachment.lease,
+            mode,
+            link_state: step.link_state,
+            silence_ns: self.attachment.silence_ns(now),
+            echo_age_ns: self.attachment.echo_age_ns(now),
+            heard,
+            sample: DeviceSample::default(),
+            felt_force_n: step.felt_force_n,
+            arrivals: side.arrivals(),
+            lost_on_the_way_out: self.attachment.lost_on_the_way_out(),
+            scheme: side.scheme(),
+            copy: side.frame().copy,
+            corrections: side.frame().corrections,
+            wanted: Wanted {
+                revision: side.revision(),
+                snapshot: side.wanted_snapshot(),
+                controller: side.wanted_controller(),
+            },
+            fault: side.fault(),
+            request: self.request,
+            robot: self.device.robot(),
+        }
+    }
+}
+
+impl Machine for Engine {
+    type Order = Order;
+    type Done = Done;
+    type Record = Record;
+    type Failure = DeviceError;
+
+    fn carry_out(&mut self, now: Timestamp, order: Order) -> Done {
+        match order {
+            Order::Leave => {
+                self.is_leaving = true;
+                self.attachment.side.leave();
+                Done::Order
+            }
+            Order::Attach(attachment) => match self.next.replace(attachment) {
+                Some(overtaken) => Done::Attachment {
+                    _attachment: overtaken,
+                },
+                None => Done::Order,
+            },
+            Order::Move {
+                lease,
+                setup,
+                deadband,
+            } => {
+                let before = match self.side_of(lease) {
+                    Some(side) => {
+                        let set = side.set_deadband(deadband);
+                        debug_assert!(set.is_ok(), "parameters are checked where they come in");
+                        side.move_to(setup)
+                    }
+                    None => setup,
+                };
+                Done::ToolSetup { _setup: before }
+            }
+            Order::LoadSnapshot { lease, snapshot } => {
+                let unused = match self.side_of(lease) {
+                    Some(side) => side.handle_snapshot(snapshot),
+                    None => Some(snapshot),
+                };
+                unused.map_or(Done::Order, |snapshot| Done::Snapshot {
+                    _snapshot: snapshot,
+                })
+            }
+            Order::Provide {
+                lease,
+                scheme,
+                controller,
+            } => {
+                let before = match self.side_of(lease) {
+                    Some(side) => side.provide(scheme, controller),
+                    None => Some(controller),
+                };
+                before.map_or(Done::Order, |controller| Done::Controller {
+                    _controller: controller,
+                })
+            }
+            Order::Release { lease } => {
+                if let Some(side) = self.side_of(lease) {
+                    side.handle_peer_gone(now);
+                }
+                Done::Order
+            }
         }
     }
 
-    fn discard(&mut self, done_with: Discarded) {
-        // Room was checked before; dropping it here would free memory within the tick.
-        let _ = self.discarded.push(done_with);
+    fn tick(&mut self, now: Timestamp, out: &mut Out<Self>) -> Result<(), DeviceError> {
+        let sample = self.device.sample()?;
+        let heard = self.attachment.listen();
+        let step = self.attachment.step(now, &sample);
+        if self.is_leaving || self.next.is_some() || self.attachment.side.fault().is_some() {
+            self.start_brake();
+        }
+        let mut mode = Mode::Coupled;
+        let mut command = DeviceCommand {
+            position_m: self.settle(step.command_m),
+            force_n: step.felt_force_n,
+        };
+        if let Some(brake) = &mut self.brake {
+            mode = if brake.is_done(&sample) {
+                Mode::Resting
+            } else {
+                Mode::Braking
+            };
+            command = brake.step(step.felt_force_n);
+        }
+        // A handle that is in fault before its first command is left alone.
+        if mode == Mode::Coupled || self.last_command.is_some() {
+            self.command(&command)?;
+        }
+        // The lease of an attachment that is about to be given up is over.
+        if self.next.is_none() {
+            self.attachment.send();
+        }
+        self.request = self.request.or_else(|| self.device.poll_request());
+        self.record = Some(Record {
+            sample,
+            felt_force_n: command.force_n,
+            ..self.record(now, mode, heard, &step)
+        });
+        if mode == Mode::Resting {
+            self.change_attachments(now, out);
+        }
+        while 0 < out.room_to_retire()
+            && let Some(retired) = self.attachment.side.poll_retired()
+        {
+            out.retire(Done::Retired { _retired: retired });
+        }
+        Ok(())
+    }
+
+    fn after_tick(&mut self, timing: Timing, out: &mut Out<Self>) {
+        let Some(record) = self.record.take() else {
+            return;
+        };
+        let told = out.record(Record {
+            lateness_ns: timing.lateness_ns,
+            given_up: timing.given_up,
+            work_ns: timing.work_ns,
+            ..record
+        });
+        // A request is told until somebody has room to hear it.
+        if told.is_ok() {
+            self.request = None;
+        }
     }
 }
 
@@ -406,6 +401,7 @@ pub(crate) fn sample_record() -> Record {
         wanted: Wanted {
             revision: 0,
             snapshot: None,
+            controller: None,
         },
         fault: None,
         request: None,

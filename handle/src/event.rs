@@ -14,8 +14,8 @@ pub enum Event {
     Waiting {
         /// The session asked for.
         session: SessionId,
-        /// Servers that are there, but know nothing of it.
-        nodes: Vec<NodeName>,
+        /// Sessions of the realm that some server runs.
+        others: Vec<SessionId>,
     },
     /// A lease is held.
     Joined {
@@ -157,18 +157,18 @@ impl Event {
 impl fmt::Display for Event {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Waiting { session, nodes } if nodes.is_empty() => {
+            Self::Waiting { session, others } if others.is_empty() => {
                 write!(
                     f,
                     "no server answers for session `{session}` yet; asking until one does"
                 )
             }
-            Self::Waiting { session, nodes } => {
-                let nodes: Vec<&str> = nodes.iter().map(NodeName::as_str).collect();
-                let nodes = nodes.join(", ");
+            Self::Waiting { session, others } => {
+                let others: Vec<&str> = others.iter().map(SessionId::as_str).collect();
                 write!(
                     f,
-                    "no answer for session `{session}` yet, though {nodes} is there; asking until one comes"
+                    "no server answers for session `{session}` yet; the sessions that run are: {}; asking until one does",
+                    others.join(", ")
                 )
             }
             Self::Joined {
@@ -272,14 +272,14 @@ mod tests {
         );
         assert_eq!(silent.weight(), Weight::Warning);
         let session = SessionId::new("demo").unwrap();
-        let waiting = |nodes| {
+        let waiting = |others| {
             Event::Waiting {
                 session: session.clone(),
-                nodes,
+                others,
             }
             .to_string()
         };
         assert!(waiting(vec![]).contains("no server answers for session `demo`"));
-        assert!(waiting(vec![NodeName::new("lab-1").unwrap()]).contains("though lab-1 is there"));
+        assert!(waiting(vec![SessionId::new("both").unwrap()]).contains("that run are: both;"));
     }
 }

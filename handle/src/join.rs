@@ -11,8 +11,8 @@ use teleclay_proto::join::{
     FreshReply, FreshRequest, Granted, JoinReply, JoinRequest, LeaveReply, LeaveRequest,
     RefusalCode,
 };
-use teleclay_proto::keys::{EVERY_NODE_ALIVE, Key, Leaf, SessionKeys};
-use teleclay_proto::{NodeName, SessionId};
+use teleclay_proto::keys::{self, Key, Leaf, SessionKeys};
+use teleclay_proto::{RealmName, SessionId};
 use tokio::sync::mpsc::UnboundedSender;
 use tokio::time::Instant;
 use zenoh::Session;
@@ -38,7 +38,7 @@ const LONGEST_ANSWER: usize = 64 * 1024;
 /// Whom to ask, and what for.
 #[derive(Clone, Debug)]
 pub(crate) struct JoinTarget {
-    pub(crate) node: Option<NodeName>,
+    pub(crate) realm: RealmName,
     pub(crate) session: SessionId,
     pub(crate) request: JoinRequest,
 }
@@ -104,7 +104,7 @@ pub(crate) async fn search(
                 let since: &mut Instant = refused_since.get_or_insert_with(Instant::now);
                 let may_pass = match &error {
                     JoinError::Refused {
-                        code: RefusalCode::ShuttingDown,
+                        code: RefusalCode::ShuttingDown | RefusalCode::Busy,
                         ..
                     } => true,
                     JoinError::Refused {
@@ -121,11 +121,11 @@ pub(crate) async fn search(
         }
         if !has_said && SAY_AFTER < began.elapsed() {
             has_said = true;
-            let nodes = nodes(&control).await;
+            let others = sessions(&control, &target.realm).await;
             // Whoever listened has gone: then nobody needs to know.
             let _ = events.send(Event::Waiting {
                 session: target.session.clone(),
-                nodes,
+                others,
             });
         }
         tokio::time::sleep(TRY_EVERY).await;
@@ -141,7 +141,7 @@ pub(crate) async fn leave(control: &Session, keys: &SessionKeys, lease: u32) -> 
         LEAVE_TIMEOUT,
     )
     .await;
-    answers.into_iter().find_map(|answer| answer.body.ok())
+    answers.into_iter().find_map(Result::ok)
 }
 
 /// Asks for a fresh block.
@@ -160,46 +160,35 @@ pub(crate) async fn fresh(
         FRESH_TIMEOUT,
     )
     .await;
-    let answer = answers
+    answers
         .into_iter()
         .next()
-        .ok_or_else(|| "nobody answers".to_owned())?;
-    answer.body
+        .unwrap_or_else(|| Err("nobody answers".to_owned()))
 }
 
 /// Asks once; `None` when nobody answers.
 async fn ask(control: &Session, target: &JoinTarget) -> Option<Result<Box<JoinGrant>, JoinError>> {
     let JoinTarget {
-        node,
+        realm,
         session,
         request,
     } = target;
-    let key = match node {
-        Some(node) => SessionKeys::new(node.clone(), session.clone()).join(),
-        None => format!("teleclay/*/session/{session}/{}", Leaf::Join),
-    };
-    let answers = query::<JoinReply>(control, &key, request, JOIN_TIMEOUT).await;
+    let keys = SessionKeys::new(realm.clone(), session.clone());
+    let answers = query::<JoinReply>(control, &keys.join(), request, JOIN_TIMEOUT).await;
     let mut grant = None;
     let mut error = None;
-    for Answer { key, body } in answers {
-        match body {
-            Ok(JoinReply::Granted(granted)) => match key.parse() {
-                Ok(Key::Session(keys, Leaf::Join)) if grant.is_none() => {
-                    grant = Some(Box::new(JoinGrant {
-                        keys,
-                        granted: *granted,
-                    }));
-                }
-                Ok(Key::Session(keys, Leaf::Join)) => {
-                    // Several servers have a session of this name, and one lease is enough.
-                    leave(control, &keys, granted.lease).await;
-                }
-                _ => {
-                    error = error.or(Some(unusable(format!(
-                        "it came from `{key}`, which is no place to join"
-                    ))))
-                }
-            },
+    for answer in answers {
+        match answer {
+            Ok(JoinReply::Granted(granted)) if grant.is_none() => {
+                grant = Some(Box::new(JoinGrant {
+                    keys: keys.clone(),
+                    granted: *granted,
+                }));
+            }
+            Ok(JoinReply::Granted(granted)) => {
+                // Several servers run a session of this name, and one lease is enough.
+                leave(control, &keys, granted.lease).await;
+            }
             Ok(JoinReply::Refused { code, reason }) => {
                 error = Some(JoinError::Refused { code, reason })
             }
@@ -209,30 +198,29 @@ async fn ask(control: &Session, target: &JoinTarget) -> Option<Result<Box<JoinGr
     grant.map(Ok).or(error.map(Err))
 }
 
-/// The servers that are there.
-async fn nodes(control: &Session) -> Vec<NodeName> {
-    let mut nodes = Vec::new();
+/// The sessions of the realm that some server runs.
+async fn sessions(control: &Session, realm: &RealmName) -> Vec<SessionId> {
+    let mut sessions = Vec::new();
     let Ok(tokens) = control
         .liveliness()
-        .get(EVERY_NODE_ALIVE)
+        .get(keys::every_session_alive_in(realm))
         .timeout(LEAVE_TIMEOUT)
         .await
     else {
-        return nodes;
+        return sessions;
     };
     while let Ok(reply) = tokens.recv_async().await {
         if let Ok(sample) = reply.result()
-            && let Ok(Key::Alive(node)) = sample.key_expr().as_str().parse()
+            && let Ok(Key {
+                session,
+                leaf: Leaf::Alive,
+            }) = sample.key_expr().as_str().parse()
         {
-            nodes.push(node);
+            sessions.push(session.session().clone());
         }
     }
-    nodes
-}
-
-struct Answer<T> {
-    key: String,
-    body: Result<T, String>,
+    sessions.sort();
+    sessions
 }
 
 /// Every answer to one question, in the order they come. No answer comes when the link breaks or nobody is there.
@@ -241,7 +229,7 @@ async fn query<T>(
     key: &str,
     question: &impl Serialize,
     timeout: Duration,
-) -> Vec<Answer<T>>
+) -> Vec<Result<T, String>>
 where
     T: DeserializeOwned + Serialize + Validate,
 {
@@ -268,10 +256,7 @@ where
         } else {
             parse(&payload.to_bytes()).map_err(|error| error.to_string())
         };
-        answers.push(Answer {
-            key: sample.key_expr().as_str().to_owned(),
-            body,
-        });
+        answers.push(body);
     }
     answers
 }

@@ -120,7 +120,7 @@ impl Line {
         let lease = granted.lease;
         let alive = slow
             .liveliness()
-            .declare_subscriber(teleclay_proto::keys::alive(keys.node()))
+            .declare_subscriber(keys.alive())
             .history(true)
             .callback(move |sample| {
                 if sample.kind() == SampleKind::Delete {

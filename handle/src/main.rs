@@ -103,7 +103,7 @@ async fn hold(arguments: Arguments, intent: Intent) -> ExitCode {
         operator: arguments.operator_name(),
         connect: arguments.connect,
         session: arguments.session,
-        node: arguments.node,
+        realm: arguments.realm,
         token: arguments.token,
         device: kind.word().to_owned(),
         open_device: Box::new(move |setup| device::open(kind, &intent, setup)),

@@ -10,6 +10,7 @@ use teleclay_bilateral::{clay_shape, tool_setup};
 use teleclay_clay::{BrickView, Clay};
 use teleclay_link::replica::ToolSetup;
 use teleclay_link::scheme::replica::{Snapshot, WantedSnapshot};
+use teleclay_proto::Scheme;
 use teleclay_proto::http::Validate;
 use teleclay_proto::join::LoopParameters;
 use teleclay_proto::keys::SessionKeys;
@@ -28,15 +29,17 @@ const LONGEST_TEXT: usize = 64 * 1024;
 /// What the tick would like to know.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Wanted {
-    /// Revision of the parameters that the tool side works with.
-    pub(crate) revision: u16,
+    /// Revision that the session is at.
+    pub(crate) revision: u32,
     /// The snapshot of the clay that it lacks.
     pub(crate) snapshot: Option<WantedSnapshot>,
+    /// The scheme of which it lacks a controller.
+    pub(crate) controller: Option<Scheme>,
 }
 
 /// Parameters that can change while a handle works.
 pub(crate) struct Changed {
-    pub(crate) revision: u16,
+    pub(crate) revision: u32,
     pub(crate) setup: Arc<ToolSetup>,
     /// Share of what is felt below which a change is not sent.
     pub(crate) deadband: f64,
@@ -59,7 +62,7 @@ pub(crate) struct Fresh {
 pub(crate) async fn refresh(
     slow: Session,
     keys: SessionKeys,
-    known: u16,
+    known: u32,
     wanted: Wanted,
 ) -> Result<Fresh, String> {
     let began = Instant::now();

@@ -343,7 +343,7 @@ impl Metrics {
             rtt_s: quantiles(&times.rtt),
             reaction_s: quantiles(&times.reaction),
             received: counts.arrivals.received,
-            lost: counts.arrivals.missing,
+            lost: counts.arrivals.lost,
             duplicates: counts.arrivals.duplicates,
             reordered: counts.arrivals.reordered,
             rejected: counts.rejected,
@@ -409,12 +409,7 @@ struct Counts {
 impl Counts {
     fn plus(&self, other: &Self) -> Self {
         Self {
-            arrivals: ArrivalCounts {
-                received: self.arrivals.received + other.arrivals.received,
-                duplicates: self.arrivals.duplicates + other.arrivals.duplicates,
-                reordered: self.arrivals.reordered + other.arrivals.reordered,
-                missing: self.arrivals.missing + other.arrivals.missing,
-            },
+            arrivals: self.arrivals.and(other.arrivals),
             rejected: self.rejected + other.rejected,
             sent: self.sent + other.sent,
             not_sent: self.not_sent + other.not_sent,
@@ -492,7 +487,7 @@ mod tests {
             felt_force_n: [3.0, -4.0, 0.0],
             arrivals: ArrivalCounts {
                 received,
-                missing: 1,
+                lost: 1,
                 ..ArrivalCounts::default()
             },
             ..sample_record()

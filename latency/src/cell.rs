@@ -3,9 +3,9 @@
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use teleclay_bilateral::Lines;
 use teleclay_link::conditioner::{Bursts, Impairment, Outages};
 use teleclay_proto::Scheme;
+use teleclay_session::Lines;
 
 /// Every scheme, in the order in which they are shown.
 pub const SCHEMES: [Scheme; 5] = [

@@ -5,7 +5,7 @@ use std::time::Duration;
 use serde::Serialize;
 use teleclay_clay::UNITS_PER_VOXEL;
 use teleclay_link::replica::CorrectionLimiter;
-use teleclay_link::scheme::replica::ReplicaHandle;
+use teleclay_link::scheme::ClayCopy;
 use teleclay_link::time::Timestamp;
 use teleclay_proto::Scheme;
 use teleclay_sim::rig::{Rig, RigError};
@@ -137,7 +137,7 @@ fn measure(
             is_calm && *swing <= (SWING_MOST * ideal).max(AT_REST_M_S)
         })
     });
-    let copy = rig.replica().and_then(ReplicaHandle::copy);
+    let copy = rig.clay_copy().and_then(ClayCopy::copy);
     let limiter = copy.map(teleclay_link::replica::Copy::limiter);
     let outcome = Outcome {
         stable: is_calm && !probe.is_apart,
@@ -168,8 +168,8 @@ fn drain(rig: &mut Rig, scheme: Scheme) {
 
 fn is_one_clay(rig: &Rig) -> bool {
     let authority = rig.session().clay().clone().hash();
-    (0..rig.session().slots()).all(|slot| {
-        let copy = rig.handle_of(slot).replica().and_then(ReplicaHandle::copy);
+    (0..rig.session().tools()).all(|slot| {
+        let copy = rig.handle_of(slot).clay_copy().and_then(ClayCopy::copy);
         copy.is_some_and(|copy| copy.clay().clone().hash() == authority)
     })
 }
@@ -201,7 +201,7 @@ impl Probe {
             self.is_apart |= speed_m_s.is_nan() || APART_M_S <= speed_m_s;
             let apart_m = rig.tool().distance_from_m(sample.position_m);
             self.coordination_m2 += apart_m * apart_m;
-            let copy = rig.replica().and_then(ReplicaHandle::copy);
+            let copy = rig.clay_copy().and_then(ClayCopy::copy);
             if let Some(step_n) = copy
                 .map(|copy| copy.limiter().step_n())
                 .filter(|n| 0.0 < *n)

@@ -94,7 +94,7 @@ pub fn pushes(seed: u64) -> impl Iterator<Item = [f64; 3]> {
 
 /// Every operator begins a push, the second one the other way.
 pub fn push(rig: &mut Rig, force_n: [f64; 3]) {
-    for slot in 0..rig.session().slots() {
+    for slot in 0..rig.session().tools() {
         let side = if slot == 0 { 1.0 } else { -1.0 };
         // The forces of `pushes` are finite.
         let intent = Intent::constant_force([side * force_n[0], force_n[1], 0.0]);
@@ -105,7 +105,7 @@ pub fn push(rig: &mut Rig, force_n: [f64; 3]) {
 
 /// Every operator lets go.
 pub fn let_go(rig: &mut Rig) {
-    for slot in 0..rig.session().slots() {
+    for slot in 0..rig.session().tools() {
         rig.device_of_mut(slot).intend(Intent::Idle);
     }
 }

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use crate::http::{ClayShape, FieldError, Validate, check, check_text};
-use crate::{Axes, Material, Scheme, ToolDescription};
+use crate::{Axes, Material, NodeName, Scheme, ToolDescription};
 
 /// Longest name of an operator or of a device, in characters.
 const MAX_TEXT: usize = 64;
@@ -46,8 +46,12 @@ pub enum JoinReply {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Granted {
-    /// Goes into every frame. Never 0, and never given twice by one server.
+    /// Goes into every frame. Never 0, and never given twice in one session.
     pub lease: u32,
+    /// Goes into every frame: counts the servers that have run the session.
+    pub ownership_epoch: u32,
+    /// The server that runs the session, for people to read.
+    pub node: NodeName,
     /// The tool that the lease drives.
     pub tool: u32,
     /// The lease ends this long after the last frame, s.
@@ -95,6 +99,8 @@ pub enum RefusalCode {
     Fault,
     /// The server is about to stop.
     ShuttingDown,
+    /// The session's loop does not take the request up now; it may, a moment later.
+    Busy,
 }
 
 /// Gives a lease back.
@@ -146,8 +152,8 @@ pub(crate) const MAX_DEADBAND: f64 = 0.5;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LoopParameters {
-    /// One more with every change; wraps. Frames name the one that their sender runs.
-    pub revision: u16,
+    /// Counts the changes of the session, modulo 2³²; tool frames name it, so that a handle sees when these parameters may be others.
+    pub revision: u32,
     /// Length of a tick, s.
     pub tick_s: f64,
     /// How many axes move.

@@ -2,8 +2,8 @@
 //!
 //! | key | form | carries |
 //! |---|---|---|
-//! | `teleclay/<node>/alive` | liveliness token | a server is there |
-//! | `teleclay/<node>/session/<id>/join` | query | [`JoinRequest`](crate::join::JoinRequest) |
+//! | `teleclay/<realm>/session/<id>/alive` | liveliness token | a server runs the session |
+//! | `…/join` | query | [`JoinRequest`](crate::join::JoinRequest) |
 //! | `…/leave` | query | [`LeaveRequest`](crate::join::LeaveRequest) |
 //! | `…/parameters` | query | answers with [`LoopParameters`](crate::join::LoopParameters) |
 //! | `…/tool/<tool>/up` | publication | [`HandleFrame`](crate::frame::HandleFrame) |
@@ -13,27 +13,29 @@
 //! | `…/clay/fresh` | query | [`FreshRequest`](crate::join::FreshRequest) |
 //! | `…/state` | publication, query | [`Session`](crate::http::Session) |
 //! | `…/operator/<lease>` | liveliness token | an operator is there |
+//!
+//! A *realm* is a set of servers that share sessions; one server alone is a realm. A session is keyed by its name within the realm and not by the
+//! server that runs it, so that it can change servers without changing keys.
 
 use std::fmt;
 use std::str::FromStr;
 
-use crate::{NameError, NodeName, SessionId};
+use crate::{NameError, RealmName, SessionId};
 
-/// Selects the liveliness tokens of every server.
-pub const EVERY_NODE_ALIVE: &str = "teleclay/*/alive";
-
-/// One key, fully named.
+/// One key, fully named: `teleclay/<realm>/session/<id>/<leaf>`.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
-pub enum Key {
-    /// `teleclay/<node>/alive`
-    Alive(NodeName),
-    /// `teleclay/<node>/session/<id>/…`
-    Session(SessionKeys, Leaf),
+pub struct Key {
+    /// The realm and the session.
+    pub session: SessionKeys,
+    /// What stands below them.
+    pub leaf: Leaf,
 }
 
 /// What stands below a session.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Leaf {
+    /// Liveliness of the server that runs the session.
+    Alive,
     /// Query that asks for a lease.
     Join,
     /// Query that gives a lease back.
@@ -59,21 +61,21 @@ pub enum Leaf {
 /// The keys of one session.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct SessionKeys {
-    node: NodeName,
+    realm: RealmName,
     session: SessionId,
 }
 
 impl SessionKeys {
-    /// The keys of `session` on `node`.
+    /// The keys of `session` in `realm`.
     #[must_use]
-    pub const fn new(node: NodeName, session: SessionId) -> Self {
-        Self { node, session }
+    pub const fn new(realm: RealmName, session: SessionId) -> Self {
+        Self { realm, session }
     }
 
-    /// The server.
+    /// The realm.
     #[must_use]
-    pub const fn node(&self) -> &NodeName {
-        &self.node
+    pub const fn realm(&self) -> &RealmName {
+        &self.realm
     }
 
     /// The session.
@@ -85,7 +87,13 @@ impl SessionKeys {
     /// The key expression of `leaf`.
     #[must_use]
     pub fn key(&self, leaf: Leaf) -> String {
-        format!("teleclay/{}/session/{}/{leaf}", self.node, self.session)
+        format!("{ROOT}/{}/session/{}/{leaf}", self.realm, self.session)
+    }
+
+    /// `…/alive`
+    #[must_use]
+    pub fn alive(&self) -> String {
+        self.key(Leaf::Alive)
     }
 
     /// `…/join`
@@ -147,42 +155,27 @@ impl SessionKeys {
     pub fn operator(&self, lease: u32) -> String {
         self.key(Leaf::Operator(lease))
     }
-
-    /// `…/tool/*/up`: the handle frames of every tool.
-    #[must_use]
-    pub fn every_tool_up(&self) -> String {
-        format!("teleclay/{}/session/{}/tool/*/up", self.node, self.session)
-    }
-
-    /// `…/operator/*`: the liveliness of every operator.
-    #[must_use]
-    pub fn every_operator(&self) -> String {
-        format!("teleclay/{}/session/{}/operator/*", self.node, self.session)
-    }
 }
 
-/// `teleclay/*/session/<id>/join`: asks whichever server has the session. The answer's key names the server.
+/// What every key begins with.
+const ROOT: &str = "teleclay";
+
+/// `teleclay/<realm>/session/**`: everything of every session of a realm, for its queries.
 #[must_use]
-pub fn join_on_any_node(session: &SessionId) -> String {
-    format!("teleclay/*/session/{session}/join")
+pub fn everything_in(realm: &RealmName) -> String {
+    format!("{ROOT}/{realm}/session/**")
 }
 
-/// `teleclay/<node>/session/**`: everything of every session of a server, for its queries.
+/// `teleclay/<realm>/session/*/tool/*/up`: the handle frames of every session of a realm.
 #[must_use]
-pub fn everything_on(node: &NodeName) -> String {
-    format!("teleclay/{node}/session/**")
+pub fn every_tool_up_in(realm: &RealmName) -> String {
+    format!("{ROOT}/{realm}/session/*/tool/*/up")
 }
 
-/// `teleclay/<node>/session/*/tool/*/up`: the handle frames of every session of a server.
+/// `teleclay/<realm>/session/*/alive`: selects the sessions of a realm that some server runs.
 #[must_use]
-pub fn every_tool_up_on(node: &NodeName) -> String {
-    format!("teleclay/{node}/session/*/tool/*/up")
-}
-
-/// `teleclay/<node>/alive`
-#[must_use]
-pub fn alive(node: &NodeName) -> String {
-    format!("teleclay/{node}/alive")
+pub fn every_session_alive_in(realm: &RealmName) -> String {
+    format!("{ROOT}/{realm}/session/*/{}", Leaf::Alive)
 }
 
 /// Why a text is no key of teleclay's.
@@ -194,7 +187,7 @@ pub enum KeyError {
         /// The text.
         got: String,
     },
-    /// The node's or the session's part is no name.
+    /// The realm's or the session's part is no name.
     #[error("`{part}` in key `{got}`: {source}")]
     Name {
         /// The text.
@@ -212,7 +205,7 @@ pub enum KeyError {
         /// The part at fault.
         part: String,
     },
-    /// What stands below the node or the session is not known.
+    /// What stands below the realm or the session is not known.
     #[error("key `{got}` names nothing that exists")]
     Unknown {
         /// The text.
@@ -224,35 +217,25 @@ impl FromStr for Key {
     type Err = KeyError;
 
     fn from_str(key: &str) -> Result<Self, KeyError> {
-        let Some(rest) = key.strip_prefix("teleclay/") else {
-            return Err(KeyError::WrongRoot {
-                got: key.to_owned(),
-            });
-        };
         let name = |part: &str, source| KeyError::Name {
             got: key.to_owned(),
             part: part.to_owned(),
             source,
         };
-        let parts: Vec<&str> = rest.split('/').collect();
-        let (node, below) = match parts.as_slice() {
-            [node, below @ ..] => (NodeName::new(*node).map_err(|why| name(node, why))?, below),
-            [] => {
-                return Err(KeyError::Unknown {
-                    got: key.to_owned(),
-                });
-            }
-        };
-        match below {
-            ["alive"] => Ok(Self::Alive(node)),
-            ["session", session, leaf @ ..] => {
+        let parts: Vec<&str> = key.split('/').collect();
+        match parts.as_slice() {
+            [ROOT, realm, "session", session, leaf @ ..] => {
+                let realm = RealmName::new(*realm).map_err(|why| name(realm, why))?;
                 let session = SessionId::new(*session).map_err(|why| name(session, why))?;
-                Ok(Self::Session(
-                    SessionKeys::new(node, session),
-                    parse_leaf(key, leaf)?,
-                ))
+                Ok(Self {
+                    session: SessionKeys::new(realm, session),
+                    leaf: parse_leaf(key, leaf)?,
+                })
             }
-            _ => Err(KeyError::Unknown {
+            [ROOT, ..] => Err(KeyError::Unknown {
+                got: key.to_owned(),
+            }),
+            _ => Err(KeyError::WrongRoot {
                 got: key.to_owned(),
             }),
         }
@@ -261,16 +244,14 @@ impl FromStr for Key {
 
 impl fmt::Display for Key {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Alive(node) => f.write_str(&alive(node)),
-            Self::Session(keys, leaf) => f.write_str(&keys.key(*leaf)),
-        }
+        f.write_str(&self.session.key(self.leaf))
     }
 }
 
 impl fmt::Display for Leaf {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            Self::Alive => f.write_str("alive"),
             Self::Join => f.write_str("join"),
             Self::Leave => f.write_str("leave"),
             Self::Parameters => f.write_str("parameters"),
@@ -287,6 +268,7 @@ impl fmt::Display for Leaf {
 
 fn parse_leaf(key: &str, parts: &[&str]) -> Result<Leaf, KeyError> {
     match parts {
+        ["alive"] => Ok(Leaf::Alive),
         ["join"] => Ok(Leaf::Join),
         ["leave"] => Ok(Leaf::Leave),
         ["parameters"] => Ok(Leaf::Parameters),
@@ -319,24 +301,16 @@ mod tests {
     use super::*;
 
     #[test]
-    fn selectors_are_spelt_as_zenoh_wants_them() {
-        let node = NodeName::new("lab-1").expect("a name");
-        let session = SessionId::new("demo").expect("a name");
-        assert_eq!(join_on_any_node(&session), "teleclay/*/session/demo/join");
-        assert_eq!(everything_on(&node), "teleclay/lab-1/session/**");
+    fn selectors_match_the_keys_that_they_are_meant_for() {
+        let realm = RealmName::new("lab-1").expect("a name");
+        assert_eq!(everything_in(&realm), "teleclay/lab-1/session/**");
         assert_eq!(
-            every_tool_up_on(&node),
+            every_tool_up_in(&realm),
             "teleclay/lab-1/session/*/tool/*/up"
         );
-        let keys = SessionKeys::new(node, session);
-        assert_eq!(
-            keys.every_tool_up(),
-            "teleclay/lab-1/session/demo/tool/*/up"
-        );
-        assert_eq!(
-            keys.every_operator(),
-            "teleclay/lab-1/session/demo/operator/*"
-        );
+        let keys = SessionKeys::new(realm, SessionId::new("demo").expect("a name"));
+        assert_eq!(keys.tool_up(3), "teleclay/lab-1/session/demo/tool/3/up");
+        assert_eq!(keys.alive(), "teleclay/lab-1/session/demo/alive");
     }
 
     #[test]
@@ -347,8 +321,8 @@ mod tests {
             "key `clay/x` does not start with `teleclay/`"
         );
         assert_eq!(
-            error("teleclay/Lab/alive"),
-            "`Lab` in key `teleclay/Lab/alive`: name has 'L' at byte 0, wanted a-z, 0-9, _ or -"
+            error("teleclay/Lab/session/demo/alive"),
+            "`Lab` in key `teleclay/Lab/session/demo/alive`: name has 'L' at byte 0, wanted a-z, 0-9, _ or -"
         );
         assert_eq!(
             error("teleclay/a/session/b/tool/07/up"),

@@ -31,7 +31,7 @@ mod word;
 
 pub use error::FrameError;
 pub use material::Material;
-pub use names::{NameError, NodeName, SessionId};
+pub use names::{NameError, NodeName, RealmName, SessionId};
 pub use scheme::{Axes, AxesError, Scheme};
 pub use sequence::is_after;
 pub use tool::ToolDescription;

@@ -1,4 +1,4 @@
-//! Names of nodes and sessions. They stand in key expressions, in URLs and in file names, hence the narrow alphabet.
+//! Names of realms, nodes and sessions. They stand in key expressions, in URLs and in file names, hence the narrow alphabet.
 
 use std::borrow::Cow;
 use std::fmt;
@@ -111,12 +111,17 @@ macro_rules! name {
 }
 
 name! {
-    /// A session's name, unique on its server.
+    /// A session's name, unique in its realm.
     SessionId
 }
 
 name! {
-    /// A server's name, unique among the Zenoh participants that can reach one another.
+    /// The name of a realm: of a set of servers that share sessions. One server alone is a realm.
+    RealmName
+}
+
+name! {
+    /// A server's name, unique in its realm.
     NodeName
 }
 

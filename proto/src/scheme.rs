@@ -28,6 +28,14 @@ words! {
     }
 }
 
+impl Scheme {
+    /// Whether the hand feels a copy of the clay that is kept on its side, once that has come.
+    #[must_use]
+    pub const fn keeps_a_copy(self) -> bool {
+        matches!(self, Self::Replica)
+    }
+}
+
 /// How many axes move: 2 are x and y, as in `[KHMH03]`, 3 adds z. An axis that does not move stays at its home.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(try_from = "u8", into = "u8")]

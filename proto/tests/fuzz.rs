@@ -5,6 +5,7 @@
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
+use teleclay_proto::NodeName;
 use teleclay_proto::frame::{HandleFrame, Header, MAX_FRAME, SweepRecord, ToolFrame};
 use teleclay_proto::http::{ClayShape, NewSession, Validate, parse};
 use teleclay_proto::join::{
@@ -285,6 +286,8 @@ fn text_seeds() -> Vec<Vec<u8>> {
 fn join_seeds() -> Vec<Vec<u8>> {
     let granted = JoinReply::Granted(Box::new(Granted {
         lease: 17,
+        ownership_epoch: 1,
+        node: NodeName::new("lab-1").expect("a name"),
         tool: 1,
         lease_s: 10.0,
         parameters: LoopParameters::default(),
@@ -294,7 +297,7 @@ fn join_seeds() -> Vec<Vec<u8>> {
             epoch: 1,
             revision: 0,
         },
-        slow_endpoint: Some("tcp/127.0.0.1:7448".to_owned()),
+        slow_endpoint: Some("tcp/127.0.0.1:7548".to_owned()),
     }));
     let mut seeds = vec![serde_json::to_vec(&granted).expect("it prints")];
     seeds.extend([

@@ -15,14 +15,20 @@ use teleclay_proto::watch::{
 use teleclay_proto::{FrameError, Scheme, is_after};
 
 fn any_header() -> impl Strategy<Value = Header> {
-    let numbers = (
-        any::<[u32; 4]>(),
-        any::<[u64; 2]>(),
-        any::<u16>(),
-        0..Scheme::ALL.len(),
-    );
+    let numbers = (any::<[u32; 6]>(), any::<[u64; 2]>(), 0..Scheme::ALL.len());
     numbers.prop_map(
-        |([lease, sequence, echo_hold_ns, clay_epoch], [sent_ns, echo_ns], revision, scheme)| {
+        |(
+            [
+                lease,
+                sequence,
+                echo_hold_ns,
+                clay_epoch,
+                ownership_epoch,
+                revision,
+            ],
+            [sent_ns, echo_ns],
+            scheme,
+        )| {
             Header {
                 lease,
                 sequence,
@@ -32,6 +38,7 @@ fn any_header() -> impl Strategy<Value = Header> {
                 scheme: Scheme::ALL[scheme],
                 revision,
                 clay_epoch,
+                ownership_epoch,
             }
         },
     )
@@ -237,7 +244,7 @@ proptest! {
     fn handle_frames(frame in any_handle_frame()) {
         let mut buffer = [0xaa; MAX_FRAME];
         let bytes = frame.encode(&mut buffer).to_vec();
-        prop_assert_eq!(bytes.len(), 268 + 28 * frame.sweeps.len());
+        prop_assert_eq!(bytes.len(), 276 + 28 * frame.sweeps.len());
         let decoded = HandleFrame::decode(&bytes).expect("it was encoded");
         // NaN is not equal to itself, so the bytes are compared, and field by field what a swap would show in.
         prop_assert_eq!(decoded.encode(&mut buffer), bytes);
@@ -252,7 +259,7 @@ proptest! {
     fn tool_frames(frame in any_tool_frame()) {
         let mut buffer = [0xaa; MAX_FRAME];
         let bytes = frame.encode(&mut buffer).to_vec();
-        prop_assert_eq!(bytes.len(), 224 + 28 * frame.relayed.len());
+        prop_assert_eq!(bytes.len(), 232 + 28 * frame.relayed.len());
         let decoded = ToolFrame::decode(&bytes).expect("it was encoded");
         prop_assert_eq!(decoded.encode(&mut buffer), bytes);
         prop_assert_eq!(decoded.header, frame.header);
@@ -403,7 +410,7 @@ fn a_list_of_sweeps_takes_24_and_no_more() {
         sweeps,
         ..HandleFrame::default()
     };
-    assert_eq!(frame.encode(&mut buffer).len(), 268);
+    assert_eq!(frame.encode(&mut buffer).len(), 276);
 }
 
 #[test]
@@ -419,7 +426,7 @@ fn the_longest_frame_fills_the_buffer() {
         .is_ok()
     {}
     assert_eq!(frame.encode(&mut [0; MAX_FRAME]).len(), MAX_FRAME);
-    assert_eq!(MAX_FRAME, 940);
+    assert_eq!(MAX_FRAME, 948);
 }
 
 #[test]

@@ -9,7 +9,7 @@ use teleclay_proto::http::{
 };
 use teleclay_proto::join::{JoinReply, LoopParameters, RefusalCode};
 use teleclay_proto::keys::{Key, Leaf, SessionKeys};
-use teleclay_proto::{NodeName, Scheme, SessionId, ToolDescription};
+use teleclay_proto::{NodeName, RealmName, Scheme, SessionId, ToolDescription};
 
 /// A decimal number as people and programs write it. Up to 15 digits survive JSON to the last bit.
 fn decimal(least: i64, most: i64) -> impl Strategy<Value = f64> {
@@ -60,20 +60,21 @@ fn any_impairment() -> impl Strategy<Value = Impairment> {
 proptest! {
     #[test]
     fn names_and_keys(
-        node in "[a-z0-9_-]{1,64}",
+        realm in "[a-z0-9_-]{1,64}",
         session in "[a-z0-9_-]{1,64}",
         number: u32,
-        leaf in 0..10_usize,
+        leaf in 0..11_usize,
     ) {
         let leaves = [
-            Leaf::Join, Leaf::Leave, Leaf::Parameters, Leaf::ToolUp(number), Leaf::ToolDown(number),
+            Leaf::Alive, Leaf::Join, Leaf::Leave, Leaf::Parameters, Leaf::ToolUp(number), Leaf::ToolDown(number),
             Leaf::ClayBricks, Leaf::ClaySnapshot, Leaf::ClayFresh, Leaf::State, Leaf::Operator(number),
         ];
-        let node = NodeName::new(node).expect("the pattern is the rule");
+        let realm = RealmName::new(realm).expect("the pattern is the rule");
         let session = SessionId::new(session).expect("the pattern is the rule");
-        let keys = SessionKeys::new(node, session);
-        let text = keys.key(leaves[leaf]);
-        prop_assert_eq!(text.parse(), Ok(Key::Session(keys, leaves[leaf])));
+        let session = SessionKeys::new(realm, session);
+        let leaf = leaves[leaf];
+        let text = session.key(leaf);
+        prop_assert_eq!(text.parse(), Ok(Key { session, leaf }));
     }
 
     #[test]

@@ -217,7 +217,7 @@ fn a_handle_frame_laid_out_by_hand() {
         "5446 01 01",                                         // "TF", version 1, kind 1
         "01020304 05060708 090a0b0c",                         // lease, sequence, echo_hold_ns
         "1112131415161718 2122232425262728",                  // sent_ns, echo_ns
-        "31323334 3536 03 01",                                // clay_epoch, revision, tdpa, engaged
+        "31323334 35363738 393a3b3c 03 01 0000", // clay_epoch, ownership_epoch, revision, tdpa, engaged
         "000000000000e03f 000000000000d0bf 000000000000c03f", // position 1/2, -1/4, 1/8
         "000000000000f03f 00000000000000c0 0000000000000840", // velocity 1, -2, 3
         "0000000000001040 00000000000014c0 0000000000001840", // hand force 4, -5, 6
@@ -225,12 +225,12 @@ fn a_handle_frame_laid_out_by_hand() {
         "9a9999999999b93f 9a9999999999c93f 333333333333d33f", // wave 0.1, 0.2, 0.3
         "0000000000002540 0000000000002740 0000000000002940", // its integral 10.5, 11.5, 12.5
         "fca9f1d24d62503f fca9f1d24d62603f fa7e6abc7493683f", // energy 0.001, 0.002, 0.003
-        "1032547698badcfe",                                   // clay hash fedcba9876543210
-        "51525354 02 000000", // relayed sweeps acknowledged, a stale copy
-        "000000000000f83f",   // corrections: moved 1.5 N so far
-        "0000003f 000040bf 0000803d 0000c03e", // 1/2, -3/4, 1/16 N held, a step of 3/8 N
-        "0000003b 0000003d 61626364", // 2^-9 J brought in, 2^-5 J in the tank, count
-        "feffffff 03 000000", // oldest 2^32 - 2, three sweeps
+        "1032547698badcfe",                      // clay hash fedcba9876543210
+        "51525354 02 000000",                    // relayed sweeps acknowledged, a stale copy
+        "000000000000f83f",                      // corrections: moved 1.5 N so far
+        "0000003f 000040bf 0000803d 0000c03e",   // 1/2, -3/4, 1/16 N held, a step of 3/8 N
+        "0000003b 0000003d 61626364",            // 2^-9 J brought in, 2^-5 J in the tank, count
+        "feffffff 03 000000",                    // oldest 2^32 - 2, three sweeps
         "feffffff 00000000 01000000 ffffffff 00000080 ffffff7f 01020304",
         "ffffffff 02000000 03000000 04000000 05000000 06000000 07000000",
         "00000000 feffffff fdffffff fcffffff fbffffff faffffff f9ffffff",
@@ -247,16 +247,16 @@ fn a_tool_frame_laid_out_by_hand() {
         "5446 01 02",                                         // "TF", version 1, kind 2
         "01020304 05060708 090a0b0c",                         // lease, sequence, echo_hold_ns
         "1112131415161718 2122232425262728",                  // sent_ns, echo_ns
-        "31323334 3536 02 01",                                // clay_epoch, revision, wave, running
+        "31323334 35363738 393a3b3c 02 01 0000", // clay_epoch, ownership_epoch, revision, wave, running
         "000000000000e03f 000000000000d0bf 000000000000c03f", // position 1/2, -1/4, 1/8
         "000000000000f03f 00000000000000c0 0000000000000840", // velocity 1, -2, 3
         "0000000000001040 00000000000014c0 0000000000001840", // force 4, -5, 6
         "9a9999999999b93f 9a9999999999c93f 333333333333d33f", // wave 0.1, 0.2, 0.3
         "0000000000002540 0000000000002740 0000000000002940", // its integral 10.5, 11.5, 12.5
         "fca9f1d24d62503f fca9f1d24d62603f fa7e6abc7493683f", // energy 0.001, 0.002, 0.003
-        "2d431cebe2361a3f 1032547698badcfe",                  // 1e-4 m2, clay hash
-        "41424344 45464748 02 00000000000000",                // acknowledged, refused, too_fast
-        "08000000 01 000000",                                 // oldest 8, one relayed sweep
+        "2d431cebe2361a3f 1032547698badcfe",     // 1e-4 m2, clay hash
+        "41424344 45464748 02 00000000000000",   // acknowledged, refused, too_fast
+        "08000000 01 000000",                    // oldest 8, one relayed sweep
         "09000000 02000000 03000000 04000000 feffffff fdffffff fcffffff",
     ];
     assert_eq!(
@@ -346,7 +346,10 @@ fn texts_laid_out_by_hand() {
         list(&file("join.json"), "replies")[1]["value"],
         value(refused)
     );
-    let keys = ["teleclay/lab-1/alive", "teleclay/lab-1/session/demo/join"];
+    let keys = [
+        "teleclay/lab-1/session/demo/alive",
+        "teleclay/lab-1/session/demo/join",
+    ];
     assert_eq!(list(&file("keys.json"), "good")[..2], keys);
 }
 

@@ -2,8 +2,8 @@
 //!
 //! | module | holds |
 //! |---|---|
-//! | `engine` | the tick: all sessions on one thread, rings in and out |
-//! | `collector` | what the tick leaves: statistics, the watchers' clay, telemetry |
+//! | `engine` | the tick: all sessions as one machine, rings in and out |
+//! | `collector` | what the tick leaves: answers, events, statistics, the watchers' clay, telemetry |
 //! | [`directory`] | which sessions there are, and every way to change one |
 //! | [`network`] | Zenoh: frames, joining, slow state |
 //! | [`api`] | HTTP, WebSocket, OpenAPI, metrics, the dashboard |
@@ -13,7 +13,6 @@
 
 pub mod api;
 mod collector;
-mod convert;
 pub mod directory;
 mod engine;
 pub mod network;

@@ -20,11 +20,12 @@ use teleclay_proto::keys::{self, Key, Leaf, SessionKeys};
 use teleclay_proto::watch::{
     BRICK_VOXELS, BrickContent, BricksHeader, BricksKind, BricksWriter, MAX_MESSAGE,
 };
-use teleclay_proto::{NodeName, SessionId};
+use teleclay_proto::{RealmName, SessionId};
 use teleclay_shell::Clock;
 use teleclay_shell::network::{CONTROL_QOS, Endpoints, NetworkError, open};
 use zenoh::Session;
 use zenoh::Wait;
+use zenoh::liveliness::LivelinessToken;
 use zenoh::query::Query;
 
 use crate::directory::{Directory, Live};
@@ -48,19 +49,33 @@ pub struct Network {
 pub(crate) struct Sender {
     stop: Arc<AtomicBool>,
     thread: JoinHandle<()>,
-    start: std::sync::mpsc::Sender<(Session, NodeName, Directory)>,
+    start: std::sync::mpsc::Sender<Sending>,
+}
+
+/// What that thread works with.
+struct Sending {
+    outgoing: Consumer<Outgoing>,
+    session: Session,
+    realm: RealmName,
+    directory: Directory,
+}
+
+/// The same thread, with frames to put.
+pub(crate) struct FedSender {
+    sender: Sender,
+    outgoing: Consumer<Outgoing>,
 }
 
 impl Sender {
-    pub(crate) fn spawn(outgoing: Consumer<Outgoing>) -> std::io::Result<Self> {
+    pub(crate) fn spawn() -> std::io::Result<Self> {
         let stop = Arc::new(AtomicBool::new(false));
         let asked_to_stop = Arc::clone(&stop);
-        let (start, started) = std::sync::mpsc::channel();
+        let (start, started) = std::sync::mpsc::channel::<Sending>();
         let thread = std::thread::Builder::new()
             .name("sender".to_owned())
             .spawn(move || {
-                if let Ok((session, node, directory)) = started.recv() {
-                    send_until(&asked_to_stop, outgoing, &session, &node, &directory);
+                if let Ok(sending) = started.recv() {
+                    send_until(&asked_to_stop, sending);
                 }
             })?;
         Ok(Self {
@@ -73,6 +88,14 @@ impl Sender {
     pub(crate) fn thread(&self) -> Thread {
         self.thread.thread().clone()
     }
+
+    /// Frames come out of this ring.
+    pub(crate) fn feed(self, outgoing: Consumer<Outgoing>) -> FedSender {
+        FedSender {
+            sender: self,
+            outgoing,
+        }
+    }
 }
 
 impl Network {
@@ -81,11 +104,11 @@ impl Network {
     /// # Errors
     /// An endpoint cannot be listened on.
     pub(crate) async fn open(
-        node: &NodeName,
+        realm: &RealmName,
         control_endpoint: &str,
         slow_endpoint: &str,
         directory: &Directory,
-        sender: Sender,
+        sender: FedSender,
         clock: Clock,
     ) -> Result<Self, NetworkError> {
         let listen = |endpoint: &str| Endpoints {
@@ -99,36 +122,38 @@ impl Network {
             reason: reason.to_string(),
         };
 
-        receive_frames(&control, node, directory.clone(), clock)
+        receive_frames(&control, realm, directory.clone(), clock)
             .await
             .map_err(failed)?;
         for session in [&control, &slow] {
-            answer_queries(session, node, directory.clone())
+            answer_queries(session, realm, directory.clone())
                 .await
                 .map_err(failed)?;
         }
-        // Undeclared with its session.
-        let token = slow
-            .liveliness()
-            .declare_token(keys::alive(node))
-            .await
-            .map_err(failed)?;
         tokio::spawn(publish_state(
             slow.clone(),
-            node.clone(),
+            realm.clone(),
             directory.clone(),
-            token,
+        ));
+        tokio::spawn(show_sessions(
+            slow.clone(),
+            realm.clone(),
+            directory.clone(),
         ));
         tokio::spawn(publish_bricks(
             slow.clone(),
-            node.clone(),
+            realm.clone(),
             directory.clone(),
         ));
+        let FedSender { sender, outgoing } = sender;
+        let sending = Sending {
+            outgoing,
+            session: control.clone(),
+            realm: realm.clone(),
+            directory: directory.clone(),
+        };
         // Fails only if the thread is gone; then nothing would be sent, and readiness would say so.
-        let is_sending = sender
-            .start
-            .send((control.clone(), node.clone(), directory.clone()))
-            .is_ok();
+        let is_sending = sender.start.send(sending).is_ok();
         if is_sending {
             directory.set_zenoh_up();
         }
@@ -156,13 +181,13 @@ impl Network {
     }
 }
 
-fn send_until(
-    stop: &AtomicBool,
-    mut outgoing: Consumer<Outgoing>,
-    session: &Session,
-    node: &NodeName,
-    directory: &Directory,
-) {
+fn send_until(stop: &AtomicBool, sending: Sending) {
+    let Sending {
+        mut outgoing,
+        session,
+        realm,
+        directory,
+    } = sending;
     let (congestion, priority, is_express, reliability) = CONTROL_QOS;
     let mut publishers: HashMap<(u32, usize), zenoh::pubsub::Publisher<'_>> = HashMap::new();
     let mut buffer = [0; MAX_FRAME];
@@ -179,7 +204,7 @@ fn send_until(
                     let Some(live) = directory.live_by_number(number) else {
                         continue;
                     };
-                    let key = SessionKeys::new(node.clone(), live.id().clone())
+                    let key = SessionKeys::new(realm.clone(), live.id().clone())
                         .tool_down(crate::session::tool_id(slot));
                     let declared = session
                         .declare_publisher(key)
@@ -209,7 +234,7 @@ type Route = (Arc<Mutex<rtrb::Producer<Incoming>>>, usize);
 
 async fn receive_frames(
     session: &Session,
-    node: &NodeName,
+    realm: &RealmName,
     directory: Directory,
     clock: Clock,
 ) -> Result<(), zenoh::Error> {
@@ -249,7 +274,7 @@ async fn receive_frames(
         });
     };
     session
-        .declare_subscriber(format!("teleclay/{node}/session/*/tool/*/up"))
+        .declare_subscriber(keys::every_tool_up_in(realm))
         .callback(callback)
         .background()
         .await
@@ -260,7 +285,11 @@ fn is_abandoned(ring: &Mutex<rtrb::Producer<Incoming>>) -> bool {
 }
 
 fn route(key: &str, directory: &Directory) -> Option<Route> {
-    let Ok(Key::Session(keys, Leaf::ToolUp(tool))) = key.parse::<Key>() else {
+    let Ok(Key {
+        session: keys,
+        leaf: Leaf::ToolUp(tool),
+    }) = key.parse()
+    else {
         return None;
     };
     let slot = usize::try_from(tool).ok()?.checked_sub(1)?;
@@ -269,30 +298,32 @@ fn route(key: &str, directory: &Directory) -> Option<Route> {
 
 async fn answer_queries(
     session: &Session,
-    node: &NodeName,
+    realm: &RealmName,
     directory: Directory,
 ) -> Result<(), zenoh::Error> {
     let runtime = tokio::runtime::Handle::current();
-    let node = node.clone();
+    let realm = realm.clone();
     session
-        .declare_queryable(format!("teleclay/{node}/session/**"))
+        .declare_queryable(keys::everything_in(&realm))
         .callback(move |query: Query| {
-            let (directory, node) = (directory.clone(), node.clone());
-            runtime.spawn(async move { answer(&query, &node, &directory).await });
+            let (directory, realm) = (directory.clone(), realm.clone());
+            runtime.spawn(async move { answer(&query, &realm, &directory).await });
         })
         .background()
         .await
 }
 
-async fn answer(query: &Query, node: &NodeName, directory: &Directory) {
-    // A handle that does not know the node's name asks with a wildcard in its place.
-    let asked = query
-        .key_expr()
-        .as_str()
-        .replacen("teleclay/*/", &format!("teleclay/{node}/"), 1);
-    let Ok(Key::Session(keys, leaf)) = asked.parse::<Key>() else {
+async fn answer(query: &Query, realm: &RealmName, directory: &Directory) {
+    let Ok(Key {
+        session: keys,
+        leaf,
+    }) = query.key_expr().as_str().parse::<Key>()
+    else {
         return;
     };
+    if keys.realm() != realm {
+        return;
+    }
     let payload = query
         .payload()
         .map(|bytes| bytes.to_bytes().into_owned())
@@ -351,18 +382,12 @@ async fn join(id: &SessionId, payload: &[u8], directory: &Directory) -> JoinRepl
 }
 
 async fn leave(id: &SessionId, payload: &[u8], directory: &Directory) -> LeaveReply {
-    let Ok(LeaveRequest { lease }) = parse(payload) else {
+    let (Ok(LeaveRequest { lease }), Some(live)) = (parse(payload), directory.session(id)) else {
         return LeaveReply::NoSuchLease;
     };
-    let Some(live) = directory.session(id) else {
-        return LeaveReply::NoSuchLease;
-    };
-    match live.slot_of(lease) {
-        Some(slot) => {
-            live.end_lease(slot, lease, "left").await;
-            LeaveReply::Left
-        }
-        None => LeaveReply::NoSuchLease,
+    match live.leave(lease).await {
+        Ok(()) => LeaveReply::Left,
+        Err(_) => LeaveReply::NoSuchLease,
     }
 }
 
@@ -377,10 +402,7 @@ async fn fresh(id: &SessionId, payload: &[u8], directory: &Directory) -> FreshRe
     let Some(live) = directory.session(id) else {
         return refused("there is no such session");
     };
-    if live.slot_of(request.lease).is_none() {
-        return refused("only who holds a tool may ask for a fresh block");
-    }
-    match live.reset(ClayReset::default()).await {
+    match live.reset(ClayReset::default(), Some(request.lease)).await {
         Ok(session) => FreshReply::Fresh {
             epoch: session.clay.epoch,
         },
@@ -388,24 +410,46 @@ async fn fresh(id: &SessionId, payload: &[u8], directory: &Directory) -> FreshRe
     }
 }
 
-async fn publish_state(
-    session: Session,
-    node: NodeName,
-    directory: Directory,
-    _alive: zenoh::liveliness::LivelinessToken,
-) {
+/// Shows by a token which sessions this server runs. Handles let go at once when the token of theirs goes.
+async fn show_sessions(session: Session, realm: RealmName, directory: Directory) {
+    let mut shown: HashMap<SessionId, LivelinessToken> = HashMap::new();
+    let mut changes = directory.changes();
+    loop {
+        let lives = directory.lives();
+        // A token that is dropped is undeclared.
+        shown.retain(|id, _| lives.iter().any(|live| live.id() == id));
+        for live in &lives {
+            if shown.contains_key(live.id()) {
+                continue;
+            }
+            let key = SessionKeys::new(realm.clone(), live.id().clone()).alive();
+            match session.liveliness().declare_token(key).await {
+                Ok(token) => {
+                    shown.insert(live.id().clone(), token);
+                }
+                Err(error) => tracing::error!(%error, "a session cannot be shown on zenoh"),
+            }
+        }
+        // The directory lives as long as this task does.
+        if changes.changed().await.is_err() || session.is_closed() {
+            return;
+        }
+    }
+}
+
+async fn publish_state(session: Session, realm: RealmName, directory: Directory) {
     let mut period = tokio::time::interval(STATE_PERIOD);
     while !session.is_closed() {
         period.tick().await;
         for state in directory.sessions() {
-            let key = SessionKeys::new(node.clone(), state.id.clone()).state();
+            let key = SessionKeys::new(realm.clone(), state.id.clone()).state();
             // An error means that the session is closing.
             let _ = session.put(key, json(&state)).await;
         }
     }
 }
 
-async fn publish_bricks(session: Session, node: NodeName, directory: Directory) {
+async fn publish_bricks(session: Session, realm: RealmName, directory: Directory) {
     let mut seen: HashMap<SessionId, (u32, u64)> = HashMap::new();
     let mut period = tokio::time::interval(BRICKS_PERIOD);
     while !session.is_closed() {
@@ -422,7 +466,7 @@ async fn publish_bricks(session: Session, node: NodeName, directory: Directory) 
             };
             let (messages, now) = bricks(&live, seen.get(&id).copied());
             seen.insert(id.clone(), now);
-            let key = SessionKeys::new(node.clone(), id).clay_bricks();
+            let key = SessionKeys::new(realm.clone(), id).clay_bricks();
             for message in messages {
                 // An error means that the session is closing.
                 let _ = session.put(&key, message).await;

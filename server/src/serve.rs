@@ -9,6 +9,7 @@ use anyhow::Context as _;
 use teleclay_proto::SessionId;
 use teleclay_proto::http::{ClayShape, ClaySpec, NewSession, ToolDescription};
 use teleclay_shell::Clock;
+use teleclay_shell::realtime::Realtime;
 use teleclay_shell::ticker::{Ticker, TickerConfig};
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
@@ -16,7 +17,7 @@ use tokio::task::JoinHandle;
 use crate::api::{self, ApiConfig};
 use crate::collector::{Collector, LoopStats, Sources};
 use crate::directory::{Directory, Parts};
-use crate::engine::{Engine, TICK};
+use crate::engine::{CAPACITIES, Engine, TICK};
 use crate::network::{Network, Sender};
 use crate::settings::Settings;
 
@@ -35,7 +36,6 @@ pub struct Server {
     ticker: Ticker,
     _collector: Collector,
     http: JoinHandle<()>,
-    findings: JoinHandle<()>,
     stop: watch::Sender<bool>,
 }
 
@@ -57,43 +57,38 @@ impl Server {
         let address = listener.local_addr()?;
 
         let clock = Clock::start();
-        let (engine, ends) = Engine::new(clock);
+        let sender = Sender::spawn()?;
+        let collector = Collector::spawn()?;
+        let (engine, sessions) = Engine::new(Some(sender.thread()));
+        let (realtime, ends) = Realtime::new(engine, clock, CAPACITIES);
         let loop_stats = Arc::new(Mutex::new(LoopStats::default()));
         let (notices, notices_out) = mpsc::channel();
-        let (findings_in, mut findings_out) = tokio::sync::mpsc::unbounded_channel();
+        let realtime = realtime.waking(collector.thread());
         let sources = Sources {
-            ticks: ends.ticks,
-            sessions: ends.sessions,
-            discarded: ends.discarded,
+            timings: ends.records,
+            sessions: sessions.sessions,
+            events: sessions.events,
+            done: ends.done,
             notices: notices_out,
         };
-        let collector = Collector::spawn(sources, Arc::clone(&loop_stats), findings_in)?;
+        let collector = collector.start(sources, Arc::clone(&loop_stats));
         let directory = Directory::new(Parts {
             orders: ends.orders,
-            shared: ends.shared,
             loop_stats,
             notices,
+            node: settings.node.clone(),
             token: settings.token.clone(),
             slow_endpoint: Some(settings.zenoh_slow.clone()),
         });
-
-        let sender = Sender::spawn(ends.outgoing)?;
         let config = TickerConfig {
             name: "teleclay-loop",
             period: TICK,
             scheduling: settings.scheduling,
             spin: settings.spin,
         };
-        let ticker = engine.spawn(config, sender.thread())?;
+        let ticker = realtime.spawn(config)?;
         directory.set_scheduler(ticker.scheduler());
         tracing::info!(scheduler = ticker.scheduler(), "the loop runs at 1 kHz");
-
-        let acting = directory.clone();
-        let findings = tokio::spawn(async move {
-            while let Some(finding) = findings_out.recv().await {
-                acting.act_on(finding).await;
-            }
-        });
         if settings.demo_session {
             directory
                 .create(demo_session())
@@ -101,11 +96,11 @@ impl Server {
                 .context("session demo")?;
         }
         let network = Network::open(
-            &settings.node,
+            &settings.realm,
             &settings.zenoh_control,
             &settings.zenoh_slow,
             &directory,
-            sender,
+            sender.feed(sessions.outgoing),
             clock,
         )
         .await?;
@@ -141,7 +136,6 @@ impl Server {
             ticker,
             _collector: collector,
             http,
-            findings,
             stop,
         })
     }
@@ -161,7 +155,6 @@ impl Server {
         // An error means that HTTP is gone already.
         let _ = self.stop.send(true);
         self.http.abort();
-        self.findings.abort();
         self.network.close().await;
     }
 }

@@ -9,7 +9,7 @@ use clap::{CommandFactory as _, FromArgMatches as _, Parser};
 use figment::Figment;
 use figment::providers::{Env, Format as _, Serialized, Toml};
 use serde::{Deserialize, Serialize};
-use teleclay_proto::NodeName;
+use teleclay_proto::{NodeName, RealmName};
 use teleclay_shell::network::{is_loopback, neighbour};
 use teleclay_shell::ticker::Scheduling;
 
@@ -29,10 +29,10 @@ pub struct Arguments {
     /// Address of the HTTP API and the dashboard (default: 127.0.0.1:8080)
     #[arg(long, value_name = "ADDRESS:PORT")]
     listen: Option<SocketAddr>,
-    /// Zenoh endpoint for handles; slow state uses the next port (default: tcp/127.0.0.1:7447)
+    /// Zenoh endpoint for handles; slow state uses the next port (default: tcp/127.0.0.1:7547)
     #[arg(long, value_name = "PROTOCOL/ADDRESS:PORT")]
     zenoh_listen: Option<String>,
-    /// Where session definitions are kept (default: a folder of the user's)
+    /// A folder for the server's data; nothing is kept in it yet (default: a folder of the user's)
     #[arg(long, value_name = "DIR")]
     data_dir: Option<PathBuf>,
     /// A TOML file with the same settings, e.g. `listen = "127.0.0.1:9000"`
@@ -41,7 +41,10 @@ pub struct Arguments {
     /// Start without the session `demo`
     #[arg(long)]
     no_demo_session: bool,
-    /// Name of this server on Zenoh (default: local)
+    /// Name of the realm on Zenoh: of the servers that share sessions (default: local)
+    #[arg(long)]
+    realm: Option<String>,
+    /// Name of this server, for people to read (default: local)
     #[arg(long)]
     node: Option<String>,
     /// Origins besides the server's own whose pages may use the API; may be given several times
@@ -75,6 +78,7 @@ struct Raw {
     zenoh_listen: String,
     data_dir: Option<PathBuf>,
     demo_session: bool,
+    realm: String,
     node: String,
     token: Option<String>,
     allow_origins: Vec<String>,
@@ -86,9 +90,10 @@ impl Default for Raw {
     fn default() -> Self {
         Self {
             listen: SocketAddr::from(([127, 0, 0, 1], 8080)),
-            zenoh_listen: "tcp/127.0.0.1:7447".to_owned(),
+            zenoh_listen: "tcp/127.0.0.1:7547".to_owned(),
             data_dir: None,
             demo_session: true,
+            realm: "local".to_owned(),
             node: "local".to_owned(),
             token: None,
             allow_origins: Vec::new(),
@@ -107,11 +112,13 @@ pub struct Settings {
     pub zenoh_control: String,
     /// Zenoh endpoint of the slow session.
     pub zenoh_slow: String,
-    /// Where session definitions are kept.
+    /// A folder for the server's data. Nothing is kept in it yet.
     pub data_dir: PathBuf,
     /// Whether to make the session `demo`.
     pub demo_session: bool,
-    /// Name of this server on Zenoh.
+    /// Name of the realm on Zenoh.
+    pub realm: RealmName,
+    /// Name of this server.
     pub node: NodeName,
     /// Token that clients must show.
     pub token: Option<String>,
@@ -129,11 +136,12 @@ const LEAST_TOKEN: usize = 16;
 const MOST_SPIN_US: u64 = 900;
 
 /// Settings that a variable `TELECLAY_…` may give, beside the token.
-const FROM_ENVIRONMENT: [&str; 8] = [
+const FROM_ENVIRONMENT: [&str; 9] = [
     "listen",
     "zenoh_listen",
     "data_dir",
     "demo_session",
+    "realm",
     "node",
     "allow_origins",
     "scheduling",
@@ -170,6 +178,9 @@ impl Settings {
         }
         if let Some(folder) = &arguments.data_dir {
             raw.data_dir = Some(folder.clone());
+        }
+        if let Some(realm) = &arguments.realm {
+            raw.realm.clone_from(realm);
         }
         if let Some(node) = &arguments.node {
             raw.node.clone_from(node);
@@ -218,6 +229,7 @@ impl Settings {
             zenoh_control: raw.zenoh_listen,
             data_dir: raw.data_dir.map_or_else(default_data_dir, Ok)?,
             demo_session: raw.demo_session,
+            realm: RealmName::new(raw.realm).context("realm")?,
             node: NodeName::new(raw.node).context("node")?,
             token: raw.token,
             allow_origins: raw.allow_origins,
@@ -259,7 +271,7 @@ mod tests {
     fn the_defaults_are_usable_and_stay_on_loopback() {
         let settings = proven(|_| ()).unwrap();
         assert!(settings.listen.ip().is_loopback() && is_loopback(&settings.zenoh_control));
-        assert_eq!(settings.zenoh_slow, "tcp/127.0.0.1:7448");
+        assert_eq!(settings.zenoh_slow, "tcp/127.0.0.1:7548");
     }
 
     #[test]
@@ -268,7 +280,7 @@ mod tests {
             .unwrap_err()
             .to_string();
         assert!(http.contains("TELECLAY_TOKEN"), "{http}");
-        let zenoh = proven(|raw| raw.zenoh_listen = "tcp/0.0.0.0:7447".to_owned())
+        let zenoh = proven(|raw| raw.zenoh_listen = "tcp/0.0.0.0:7547".to_owned())
             .unwrap_err()
             .to_string();
         assert!(zenoh.contains("TELECLAY_TOKEN"), "{zenoh}");

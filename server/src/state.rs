@@ -1,11 +1,16 @@
-//! The session as JSON shows it, from settings, statistics and mirror.
+//! The session as JSON shows it, from snapshot, statistics and mirror.
 
 use std::sync::Mutex;
 
-use teleclay_proto::http::{ClayHash, ClayShape, ClayState, LoopState, Session};
+use teleclay_proto::frame::Corrections;
+use teleclay_proto::http::{
+    ClayHash, ClayShape, ClayState, CorrectionsState, LoopState, Session, SessionState, ToolState,
+};
+use teleclay_session::{Snapshot, ToolSnapshot};
 
 use crate::collector::LoopStats;
-use crate::session::{SessionShared, session_state, tools};
+use crate::engine::SessionRecord;
+use crate::session::{SessionShared, tool_id};
 
 /// What the watchers' copy of the clay says at one moment.
 struct Mirrored {
@@ -33,10 +38,11 @@ pub(crate) fn session(
             remaining_units: mirror.clay.remaining_units(),
         }
     };
-    let settings = shared.settings().clone();
+    let snapshot = shared.snapshot().clone();
+    let settings = &snapshot.settings;
     let stats = shared.stats.lock().expect("no holder panics");
     let record = &stats.record;
-    // The watchers' clay is exchanged a moment before the loop's; until the loop has told of the fresh block, that is whole.
+    // The watchers' clay is exchanged a moment before or after the loop's; until both are the same block, the watchers' is told.
     let (initial_units, remaining_units) = if record.clay_epoch == mirrored.epoch {
         (record.initial_units, record.remaining_units)
     } else {
@@ -45,13 +51,6 @@ pub(crate) fn session(
     let (initial_volume_m3, remaining_volume_m3, removed_volume_m3) =
         volumes(initial_units, remaining_units, mirrored.unit_volume_m3);
     let (packets_up_per_s, packets_down_per_s) = stats.packets_per_s();
-    let arrivals = record.tools.iter().flatten().map(|tool| tool.arrivals);
-    let (mut lost, mut duplicates, mut reordered) = (0, 0, 0);
-    for counts in arrivals {
-        lost += counts.missing;
-        duplicates += counts.duplicates;
-        reordered += counts.reordered;
-    }
     let energy_j = record
         .tools
         .iter()
@@ -67,10 +66,11 @@ pub(crate) fn session(
     let loop_stats = loop_stats.lock().expect("no holder panics");
     Session {
         id: shared.id.clone(),
+        revision: snapshot.revision,
         scheme: settings.spec.scheme,
         axes: settings.spec.axes,
-        state: session_state(&settings, &stats),
-        fault: record.fault.map(|field| format!("{field} is not finite")),
+        state: state(&snapshot),
+        fault: snapshot.fault.map(|fault| fault.to_string()),
         material: settings.spec.material,
         network: settings.spec.network,
         clay: ClayState {
@@ -88,7 +88,7 @@ pub(crate) fn session(
         },
         tool: settings.spec.tool,
         deadband: settings.parameters.deadband,
-        tools: tools(&settings, &stats),
+        tools: tools(&snapshot, record),
         position_ratio: settings.parameters.position_ratio,
         coordination_m,
         control_loop: LoopState {
@@ -98,14 +98,73 @@ pub(crate) fn session(
             tick_s: loop_stats.work.tick_quantiles(),
             rtt_s: stats.rtt.quantiles(),
             age_s: stats.age.quantiles(),
-            lost,
-            duplicates,
-            reordered,
+            lost: record.arrivals.lost,
+            duplicates: record.arrivals.duplicates,
+            reordered: record.arrivals.reordered,
             packets_up_per_s,
             packets_down_per_s,
             energy_j,
             scheduler: scheduler.to_owned(),
         },
+    }
+}
+
+fn state(snapshot: &Snapshot) -> SessionState {
+    let is_connected = |tool: &ToolSnapshot| {
+        let holder = tool.holder.as_ref();
+        holder.is_some_and(|holder| holder.is_connected)
+    };
+    let is_any_connected = snapshot.tools.iter().any(is_connected);
+    match (
+        snapshot.fault,
+        snapshot.settings.is_paused,
+        is_any_connected,
+    ) {
+        (Some(_), ..) => SessionState::Fault,
+        (None, true, _) => SessionState::Paused,
+        (None, false, true) => SessionState::Running,
+        (None, false, false) => SessionState::Idle,
+    }
+}
+
+/// Every tool, held or free.
+fn tools(snapshot: &Snapshot, record: &SessionRecord) -> Vec<ToolState> {
+    let home_m = snapshot.settings.parameters.home_m;
+    let tools = snapshot.tools.iter().enumerate();
+    tools
+        .map(|(slot, tool)| {
+            let holder = tool.holder.as_ref();
+            let lease = holder.map(|holder| holder.lease);
+            let told = record.tools[slot].filter(|told| Some(told.lease) == lease);
+            let view = told.map(|told| told.view).unwrap_or_default();
+            ToolState {
+                id: tool_id(slot),
+                operator: holder.map_or_else(String::new, |holder| holder.operator.name.clone()),
+                connected: holder.is_some_and(|holder| holder.is_connected),
+                position_m: told.map_or(home_m, |told| told.view.position_m),
+                force_n: view.force_n,
+                handle_position_m: view.handle_position_m,
+                felt_force_n: view.felt_force_n,
+                hand_force_n: view.hand_force_n,
+                home_m,
+                copy: view.copy,
+                hidden_force_n: view.hidden_force_n,
+                sweeps_refused: view.sweeps_refused,
+                refusal: view.refusal,
+                corrections: corrections(&view.corrections),
+            }
+        })
+        .collect()
+}
+
+fn corrections(told: &Corrections) -> CorrectionsState {
+    CorrectionsState {
+        count: told.count,
+        moved_n: told.moved_n,
+        held_n: told.held_n.map(f64::from),
+        largest_step_n: told.largest_step_n.into(),
+        injected_j: told.injected_j.into(),
+        tank_j: told.tank_j.into(),
     }
 }
 

@@ -1,8 +1,9 @@
-//! What both programs need around their pure loop: a monotonic clock, a 1 kHz thread on absolute deadlines, and Zenoh sessions that
-//! open nothing they were not told to open.
+//! What both programs need around their pure loop: a monotonic clock, a 1 kHz thread on absolute deadlines, the rings between such a thread and everybody
+//! else, and Zenoh sessions that open nothing they were not told to open.
 
 mod clock;
 pub mod network;
+pub mod realtime;
 pub mod ticker;
 
 pub use clock::{Clock, Drift, DriftError};

@@ -11,7 +11,7 @@ use zenoh::{Config, Session};
 /// Where to listen and whom to call.
 #[derive(Clone, Debug, Default)]
 pub struct Endpoints {
-    /// Endpoints to listen on, such as `tcp/127.0.0.1:7447`.
+    /// Endpoints to listen on, such as `tcp/127.0.0.1:7547`.
     pub listen: Vec<String>,
     /// Endpoints to connect to; tried again until they answer.
     pub connect: Vec<String>,
@@ -25,6 +25,20 @@ pub enum NetworkError {
     Endpoint {
         /// As given.
         got: String,
+    },
+    /// There is no port for slow state.
+    #[error(
+        "zenoh endpoint `{got}` leaves no room for slow state, which uses port {port} + {steps}: take a port up to {most}"
+    )]
+    NoNeighbour {
+        /// As given.
+        got: String,
+        /// Its port.
+        port: u16,
+        /// How far above it the other one lies.
+        steps: u16,
+        /// The last port that has such a neighbour.
+        most: u16,
     },
     /// Zenoh refused.
     #[error("zenoh session on {what}: {reason}")]
@@ -116,8 +130,15 @@ pub fn neighbour(endpoint: &str, steps: u16) -> Result<String, NetworkError> {
     if port == 0 {
         return Ok(endpoint.to_owned());
     }
-    let port = port.checked_add(steps).ok_or_else(malformed)?;
-    Ok(format!("{head}:{port}"))
+    let above = port
+        .checked_add(steps)
+        .ok_or_else(|| NetworkError::NoNeighbour {
+            got: endpoint.to_owned(),
+            port,
+            steps,
+            most: u16::MAX - steps,
+        })?;
+    Ok(format!("{head}:{above}"))
 }
 
 /// Whether an endpoint names a loopback address (or `localhost`).
@@ -194,7 +215,7 @@ mod tests {
     #[test]
     fn loopback_is_told_from_the_rest() {
         for inside in [
-            "tcp/127.0.0.1:7447",
+            "tcp/127.0.0.1:7547",
             "udp/[::1]:1",
             "tcp/localhost:0",
             "tcp/127.8.9.1:7",
@@ -202,9 +223,9 @@ mod tests {
             assert!(is_loopback(inside), "{inside}");
         }
         for outside in [
-            "tcp/0.0.0.0:7447",
-            "tcp/[::]:7447",
-            "tcp/192.168.1.2:7447",
+            "tcp/0.0.0.0:7547",
+            "tcp/[::]:7547",
+            "tcp/192.168.1.2:7547",
             "tcp/example.org:1",
         ] {
             assert!(!is_loopback(outside), "{outside}");
@@ -214,10 +235,10 @@ mod tests {
     #[test]
     fn malformed_endpoints_are_named() {
         for bad in [
-            "127.0.0.1:7447",
+            "127.0.0.1:7547",
             "tcp/127.0.0.1",
             "http/127.0.0.1:1",
-            "tcp/:7447",
+            "tcp/:7547",
             "tcp/127.0.0.1:99999",
             "tcp/a\",\"b:1",
             "tcp/a b:1",
@@ -227,14 +248,14 @@ mod tests {
                 "{bad}"
             );
         }
-        assert!(check_endpoint("udp/[::1]:7447").is_ok());
+        assert!(check_endpoint("udp/[::1]:7547").is_ok());
     }
 
     #[test]
     fn the_neighbour_is_the_next_port() {
         assert_eq!(
-            neighbour("tcp/127.0.0.1:7447", 1).unwrap(),
-            "tcp/127.0.0.1:7448"
+            neighbour("tcp/127.0.0.1:7547", 1).unwrap(),
+            "tcp/127.0.0.1:7548"
         );
         assert_eq!(neighbour("tcp/127.0.0.1:0", 1).unwrap(), "tcp/127.0.0.1:0");
         assert!(neighbour("tcp/127.0.0.1:65535", 1).is_err());

@@ -15,7 +15,7 @@ use teleclay_handle::device::{DeviceKind, open};
 use teleclay_handle::intent::Intent;
 use teleclay_handle::run::{Options, Until};
 use teleclay_proto::http::Session;
-use teleclay_proto::{NodeName, SessionId};
+use teleclay_proto::{NodeName, RealmName, SessionId};
 use teleclay_server::Server;
 use teleclay_server::settings::Settings;
 use teleclay_shell::Drift;
@@ -101,6 +101,7 @@ fn settings(ports: Ports, data_dir: std::path::PathBuf) -> Settings {
         zenoh_slow: format!("tcp/127.0.0.1:{}", ports.zenoh + 1),
         data_dir,
         demo_session: true,
+        realm: RealmName::new("local").unwrap(),
         node: NodeName::new("local").unwrap(),
         token: None,
         allow_origins: Vec::new(),
@@ -113,7 +114,7 @@ fn options(ports: Ports) -> Options {
     Options {
         connect: format!("tcp/127.0.0.1:{}", ports.zenoh),
         session: SessionId::new(DEMO).unwrap(),
-        node: None,
+        realm: RealmName::new("local").unwrap(),
         operator: "Ada".to_owned(),
         token: None,
         device: "simulated".to_owned(),

@@ -8,7 +8,7 @@ use std::process::Command;
 use serde_json::Value;
 
 /// Which rooms each room uses, tests of it included: exactly these.
-const USES: [(&str, &[&str]); 13] = [
+const USES: [(&str, &[&str]); 14] = [
     ("control", &[]),
     ("kinematics", &[]),
     ("clay", &[]),
@@ -17,6 +17,7 @@ const USES: [(&str, &[&str]); 13] = [
     ("operator", &["control", "device", "kinematics"]),
     ("link", &["clay", "control", "proto"]),
     ("bilateral", &["clay", "control", "device", "link", "proto"]),
+    ("session", &["bilateral", "clay", "link", "proto"]),
     (
         "sim",
         &[
@@ -27,6 +28,7 @@ const USES: [(&str, &[&str]); 13] = [
             "link",
             "operator",
             "proto",
+            "session",
         ],
     ),
     (
@@ -38,10 +40,11 @@ const USES: [(&str, &[&str]); 13] = [
             "link",
             "operator",
             "proto",
+            "session",
             "sim",
         ],
     ),
-    ("shell", &[]),
+    ("shell", &["link"]),
     (
         "server",
         &[
@@ -51,6 +54,7 @@ const USES: [(&str, &[&str]); 13] = [
             "kinematics",
             "link",
             "proto",
+            "session",
             "shell",
             "sim",
         ],

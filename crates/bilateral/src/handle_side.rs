@@ -18,8 +18,10 @@ use teleclay_link::deadband::{Deadband, DeadbandError, DeadbandSettings};
 use teleclay_link::replica::ToolSetup;
 use teleclay_link::round_trip::RoundTrip;
 use teleclay_link::safety::{ForceLimiter, NotFinite, Watchdog, check};
-use teleclay_link::scheme::replica::{ReplicaHandle, Snapshot, WantedSnapshot};
-use teleclay_link::scheme::{HandleController, HandlePort, handle_controller};
+use teleclay_link::scheme::replica::{Snapshot, WantedSnapshot};
+use teleclay_link::scheme::{
+    ClayCopy, HandleController, HandlePort, SchemeContext, handle_controller,
+};
 use teleclay_link::time::Timestamp;
 use teleclay_proto::frame::{
     CopyState, Corrections, Engagement, HandleFrame, Header, LoopStatus, Sweeps, ToolFrame,
@@ -53,6 +55,15 @@ pub enum LinkState {
     Fault,
 }
 
+/// Under what a handle's frames are taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Lease {
+    /// The lease's number, as granted.
+    pub number: u32,
+    /// Counts the servers that have run the session, as granted.
+    pub ownership_epoch: u32,
+}
+
 /// What a handle side is done with. Large, so not to be dropped on a tick.
 pub enum Retired {
     /// A controller of a scheme.
@@ -79,10 +90,23 @@ pub struct HandleStep {
 }
 
 /// The handle side of one tool's loop.
+///
+/// Its methods are of four kinds, and are meant to be called in this order, tick by tick:
+///
+/// 1. `handle_*` takes in what comes from outside: [`handle_frame`](Self::handle_frame), [`handle_snapshot`](Self::handle_snapshot),
+///    [`handle_peer_gone`](Self::handle_peer_gone).
+/// 2. What changes it between two ticks: [`move_to`](Self::move_to), [`set_deadband`](Self::set_deadband), [`provide`](Self::provide),
+///    [`leave`](Self::leave); then [`step`](Self::step), a tick.
+/// 3. What the step gives: [`frame_to_send`](Self::frame_to_send), then [`poll_retired`](Self::poll_retired) until it gives nothing more.
+/// 4. Everything else is a getter; [`wanted_snapshot`](Self::wanted_snapshot) and [`wanted_controller`](Self::wanted_controller) say what to bring.
+///
+/// None of these allocates, but for [`code_perceptually`](Self::code_perceptually), [`restock`](Self::restock) and [`new`](Self::new).
 pub struct HandleSide {
     model: LoopModel,
     controller: Box<dyn HandleController>,
     scheme: Scheme,
+    /// A controller of every other scheme, so that a change takes no more than a tick.
+    spares: [Option<Box<dyn HandleController>>; Scheme::ALL.len()],
     /// Frames before this one belong to an earlier scheme.
     scheme_since: u32,
     admittance: [State; 3],
@@ -122,17 +146,19 @@ impl HandleSide {
     ///
     /// # Errors
     /// The parameters make no loop.
-    pub fn new(parameters: &LoopParameters, lease: u32) -> Result<Self, ParameterError> {
+    pub fn new(parameters: &LoopParameters, lease: Lease) -> Result<Self, ParameterError> {
         let model = LoopModel::new(parameters)?;
         let header = Header {
-            lease,
+            lease: lease.number,
+            ownership_epoch: lease.ownership_epoch,
             scheme: parameters.scheme,
             revision: parameters.revision,
             ..Header::default()
         };
-        Ok(Self {
+        let mut side = Self {
             controller: handle_controller(parameters.scheme, &model.context),
             scheme: parameters.scheme,
+            spares: [const { None }; Scheme::ALL.len()],
             scheme_since: 0,
             admittance: [State::default(); 3],
             origin: None,
@@ -162,7 +188,9 @@ impl HandleSide {
             is_due: false,
             retired: None,
             model,
-        })
+        };
+        side.restock();
+        Ok(side)
     }
 
     /// From now on leaves out frames that the other side would not miss; see [`teleclay_link::deadband`].
@@ -183,15 +211,21 @@ impl HandleSide {
         Ok(())
     }
 
-    /// A frame came from the tool side. Frames under another lease are not ours; older ones are counted, and shown to a scheme that
-    /// plays its samples in order.
-    pub fn on_frame(&mut self, now: Timestamp, frame: &ToolFrame) {
+    /// A frame came from the tool side. Frames under another lease, and those of an earlier server of the session, are not ours; older ones are counted,
+    /// and shown to a scheme that plays its samples in order.
+    pub fn handle_frame(&mut self, now: Timestamp, frame: &ToolFrame) {
         let header = &frame.header;
-        if header.lease != self.frame.header.lease {
+        let own = &mut self.frame.header;
+        if header.lease != own.lease || is_after(own.ownership_epoch, header.ownership_epoch) {
             return;
         }
+        own.ownership_epoch = header.ownership_epoch;
         // What was on its way when the tool side went is no sign of life.
-        if self.gone_since.is_some_and(|since| since < now) {
+        let silence = self.model.watchdog.silence;
+        if self
+            .gone_since
+            .is_some_and(|since| silence < now.since(since))
+        {
             self.gone_since = None;
         }
         let arrival = self.arrivals.on_sequence(header.sequence);
@@ -221,10 +255,11 @@ impl HandleSide {
         self.status = frame.status;
         self.frame.header.clay_epoch = header.clay_epoch;
         self.frame.header.revision = header.revision;
-        if header.scheme != self.scheme {
-            self.change_scheme(header.scheme, header.sequence);
+        let is_mine =
+            header.scheme == self.scheme || self.change_scheme(header.scheme, header.sequence);
+        if is_mine {
+            self.controller.on_frame(now, frame);
         }
-        self.controller.on_frame(now, frame);
     }
 
     /// One tick.
@@ -272,14 +307,14 @@ impl HandleSide {
 
     /// The snapshot of the server's clay that is wanted here, if one is; a new number is a new request.
     pub fn wanted_snapshot(&self) -> Option<WantedSnapshot> {
-        self.controller.replica()?.wanted_snapshot()
+        self.controller.clay_copy()?.wanted_snapshot()
     }
 
-    /// A snapshot of the server's clay. One that no scheme here has a use for waits to be dropped, see [`HandleSide::take_retired`].
-    pub fn on_snapshot(&mut self, snapshot: Snapshot) -> Option<Snapshot> {
-        match self.controller.replica_mut() {
-            Some(replica) => {
-                replica.on_snapshot(snapshot);
+    /// A snapshot of the server's clay. One that no scheme here has a use for waits to be dropped, see [`HandleSide::poll_retired`].
+    pub fn handle_snapshot(&mut self, snapshot: Snapshot) -> Option<Snapshot> {
+        match self.controller.clay_copy_mut() {
+            Some(copy) => {
+                copy.handle_snapshot(snapshot);
                 None
             }
             None => Some(snapshot),
@@ -288,31 +323,59 @@ impl HandleSide {
 
     /// Another tool, another place, or other clay, from now on. Gives back what was, to be dropped elsewhere.
     pub fn move_to(&mut self, setup: Arc<ToolSetup>) -> Arc<ToolSetup> {
-        if let Some(replica) = self.controller.replica_mut() {
-            replica.move_to(&setup);
+        if let Some(copy) = self.controller.clay_copy_mut() {
+            copy.move_to(&setup);
         }
         std::mem::replace(&mut self.model.context.setup, setup)
     }
 
     /// What is done with here, to be dropped where that costs no tick.
-    pub fn take_retired(&mut self) -> Option<Retired> {
+    pub fn poll_retired(&mut self) -> Option<Retired> {
         if let Some(controller) = self.retired.take() {
             return Some(Retired::Controller {
                 _controller: controller,
             });
         }
-        let clay = self.controller.replica_mut()?.take_retired()?;
+        let clay = self.controller.clay_copy_mut()?.poll_retired()?;
         Some(Retired::Clay { _clay: clay })
     }
 
-    /// The scheme's controller here, where it keeps a copy of the clay.
-    pub fn replica(&self) -> Option<&ReplicaHandle> {
-        self.controller.replica()
+    /// The copy of the clay that is felt here, where the scheme keeps one.
+    pub fn clay_copy(&self) -> Option<&dyn ClayCopy> {
+        self.controller.clay_copy()
+    }
+
+    /// The scheme of which a controller is missing, should the session change to it: see [`provide`](Self::provide).
+    pub fn wanted_controller(&self) -> Option<Scheme> {
+        let has_one = |scheme: Scheme| self.spares[usize::from(scheme.byte())].is_some();
+        let missing = |scheme: &Scheme| *scheme != self.scheme && !has_one(*scheme);
+        Scheme::ALL.iter().copied().find(missing)
+    }
+
+    /// Takes a controller for the day when the session changes to its scheme. Gives back the one that it replaces.
+    pub fn provide(
+        &mut self,
+        scheme: Scheme,
+        controller: Box<dyn HandleController>,
+    ) -> Option<Box<dyn HandleController>> {
+        self.spares[usize::from(scheme.byte())].replace(controller)
+    }
+
+    /// Makes the controllers that are missing, here and now.
+    pub fn restock(&mut self) {
+        while let Some(scheme) = self.wanted_controller() {
+            self.provide(scheme, handle_controller(scheme, &self.model.context));
+        }
+    }
+
+    /// What controllers for this side are made from.
+    pub fn context(&self) -> &SchemeContext {
+        &self.model.context
     }
 
     /// The tool side is known to have gone, by other means than its silence: the force ramps to zero whatever the scheme, until a frame that arrives
-    /// later than `now` shows that it is there.
-    pub fn on_peer_gone(&mut self, now: Timestamp) {
+    /// later than `now` by more than the allowed silence shows that it is there.
+    pub fn handle_peer_gone(&mut self, now: Timestamp) {
         self.gone_since = Some(now);
     }
 
@@ -331,8 +394,8 @@ impl HandleSide {
         &self.round_trip
     }
 
-    /// Revision of the parameters that the tool side works with, as last received.
-    pub fn revision(&self) -> u16 {
+    /// Revision of the session, as last received.
+    pub fn revision(&self) -> u32 {
         self.frame.header.revision
     }
 
@@ -358,7 +421,7 @@ impl HandleSide {
             return LinkState::NotYet;
         }
         if self.watchdog.is_silent(now) {
-            return match self.controller.replica().map(ReplicaHandle::state) {
+            return match self.controller.clay_copy().map(ClayCopy::state) {
                 None | Some(CopyState::None) => LinkState::Silent,
                 Some(CopyState::Stale) => LinkState::OnStaleCopy,
                 Some(CopyState::Live | CopyState::Diverged) => LinkState::OnCopy,
@@ -464,8 +527,17 @@ impl HandleSide {
         }
     }
 
-    fn change_scheme(&mut self, scheme: Scheme, since: u32) {
-        let controller = handle_controller(scheme, &self.model.context);
+    /// Whether the controller of `scheme` has taken over. Without one that waits, or without room for the one that is done, the present one goes on
+    /// with what it heard last.
+    fn change_scheme(&mut self, scheme: Scheme, since: u32) -> bool {
+        let has_room = self.retired.is_none();
+        let spare = &mut self.spares[usize::from(scheme.byte())];
+        let Some(mut controller) = spare.take_if(|_| has_room) else {
+            return false;
+        };
+        if let Some(copy) = controller.clay_copy_mut() {
+            copy.move_to(&self.model.context.setup);
+        }
         self.retired = Some(std::mem::replace(&mut self.controller, controller));
         self.scheme = scheme;
         self.scheme_since = since;
@@ -479,6 +551,7 @@ impl HandleSide {
         self.frame.sweeps = Sweeps::default();
         // What was felt fades into what the new controller gives, instead of stepping there.
         self.blend_starts = true;
+        true
     }
 
     /// A step without a usable sample: the command stays, the force goes.

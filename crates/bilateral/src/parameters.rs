@@ -211,6 +211,11 @@ impl LoopModel {
         Deadband::new(settings, self.watchdog.silence).map(Some)
     }
 
+    /// What the schemes' controllers are made from.
+    pub fn context(&self) -> &SchemeContext {
+        &self.context
+    }
+
     /// Tick, s.
     pub fn tick_s(&self) -> f64 {
         self.context.coupling.tick_s

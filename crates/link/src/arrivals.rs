@@ -1,4 +1,4 @@
-//! What came, what is missing, what came twice. Force and pose want the newest frame only; the counts go on display.
+//! What came, what was lost, what came twice. Force and pose want the newest frame only; the counts go on display.
 
 /// How a frame relates to those before it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -11,7 +11,7 @@ pub enum Arrival {
     Duplicate,
 }
 
-/// Counts since the start of the stream.
+/// Counts since the start of the stream. None ever falls.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ArrivalCounts {
     /// Distinct frames received.
@@ -20,15 +20,33 @@ pub struct ArrivalCounts {
     pub duplicates: u64,
     /// Distinct frames that came after a newer one.
     pub reordered: u64,
-    /// Numbers skipped and not (yet) come.
-    pub missing: u64,
+    /// Frames that had not come when the [`MEMORY`] after them were due.
+    pub lost: u64,
 }
 
-/// Watches the sequence numbers of one stream. Remembers the last 128, so a duplicate or late frame within 128 ms is told apart.
+impl ArrivalCounts {
+    /// These and the counts of another stream.
+    #[must_use]
+    pub fn and(self, other: Self) -> Self {
+        Self {
+            received: self.received + other.received,
+            duplicates: self.duplicates + other.duplicates,
+            reordered: self.reordered + other.reordered,
+            lost: self.lost + other.lost,
+        }
+    }
+}
+
+/// Numbers that are remembered: a duplicate or late frame within 128 ms is told apart.
+pub const MEMORY: u32 = u128::BITS;
+
+/// Watches the sequence numbers of one stream. Remembers the last [`MEMORY`].
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Arrivals {
-    /// Newest sequence number, and which of the 128 up to it came (bit 0 is the newest itself).
+    /// Newest sequence number, and which of the numbers up to it came (bit 0 is the newest itself).
     newest: Option<(u32, u128)>,
+    /// How many of the remembered numbers belong to the stream: those before its first do not.
+    of_the_stream: u32,
     counts: ArrivalCounts,
 }
 
@@ -37,26 +55,27 @@ impl Arrivals {
     pub fn on_sequence(&mut self, sequence: u32) -> Arrival {
         let Some((newest, seen)) = self.newest else {
             self.newest = Some((sequence, 1));
+            self.of_the_stream = 1;
             self.counts.received = 1;
             return Arrival::Newest;
         };
         let ahead = sequence.wrapping_sub(newest) as i32;
         if 0 < ahead {
-            let shifted = seen.checked_shl(ahead as u32).unwrap_or(0);
-            self.newest = Some((sequence, shifted | 1));
+            self.go_on(ahead as u32, seen);
+            self.newest = Some((sequence, seen.checked_shl(ahead as u32).unwrap_or(0) | 1));
             self.counts.received += 1;
-            self.counts.missing += ahead as u64 - 1;
             return Arrival::Newest;
         }
-        let bit = 1_u128.checked_shl(ahead.unsigned_abs()).unwrap_or(0);
+        let behind = ahead.unsigned_abs();
+        let bit = 1_u128.checked_shl(behind).unwrap_or(0);
         if bit == 0 || seen & bit != 0 {
             self.counts.duplicates += 1;
             return Arrival::Duplicate;
         }
+        self.of_the_stream = self.of_the_stream.max(behind + 1);
         self.newest = Some((newest, seen | bit));
         self.counts.received += 1;
         self.counts.reordered += 1;
-        self.counts.missing = self.counts.missing.saturating_sub(1);
         Arrival::Late
     }
 
@@ -64,11 +83,25 @@ impl Arrivals {
     pub fn counts(&self) -> ArrivalCounts {
         self.counts
     }
+
+    /// The newest number is `ahead` further on: what falls out of memory and had not come is lost.
+    fn go_on(&mut self, ahead: u32, seen: u128) {
+        let remembered = u64::from(self.of_the_stream) + u64::from(ahead);
+        let forgotten = remembered.saturating_sub(MEMORY.into());
+        // Forgotten are the oldest numbers remembered so far and, on a jump beyond the memory, some that were never in it.
+        let old = forgotten.min(self.of_the_stream.into()) as u32;
+        let kept = self.of_the_stream - old;
+        let of_the_stream = u128::MAX >> (MEMORY - self.of_the_stream);
+        let forgotten_ones = (of_the_stream & seen).checked_shr(kept).unwrap_or(0);
+        self.counts.lost += forgotten - u64::from(forgotten_ones.count_ones());
+        self.of_the_stream = remembered.min(MEMORY.into()) as u32;
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
 
     fn counts_of(sequences: &[u32]) -> ArrivalCounts {
         let mut arrivals = Arrivals::default();
@@ -79,13 +112,50 @@ mod tests {
     }
 
     #[test]
-    fn a_gap_is_missing_until_the_late_frame_comes() {
-        assert_eq!(counts_of(&[5, 6, 9]).missing, 2);
-        let healed = counts_of(&[5, 6, 9, 7]);
-        assert_eq!(
-            (healed.missing, healed.reordered, healed.received),
-            (1, 1, 4)
-        );
+    fn a_gap_is_lost_once_128_later_numbers_were_due_and_the_count_never_falls() {
+        let mut arrivals = Arrivals::default();
+        for sequence in [5, 6, 9] {
+            arrivals.on_sequence(sequence);
+        }
+        assert_eq!(arrivals.on_sequence(7), Arrival::Late);
+        for sequence in 10..8 + MEMORY {
+            arrivals.on_sequence(sequence);
+        }
+        assert_eq!(arrivals.counts().lost, 0, "number 8 may still come");
+        arrivals.on_sequence(8 + MEMORY);
+        assert_eq!(arrivals.counts().lost, 1);
+        assert_eq!(arrivals.on_sequence(8), Arrival::Duplicate);
+        assert_eq!(arrivals.counts().lost, 1);
+    }
+
+    proptest! {
+        /// Whatever comes in whatever order: what was sent has come or is lost, once all of it is out of memory.
+        #[test]
+        fn every_number_is_received_or_lost(
+            first in any::<u32>(),
+            jumps in prop::collection::vec(1..400_u32, 0..40),
+            late in prop::collection::vec((0..40_usize, 0..120_u32), 0..40),
+        ) {
+            let mut arrivals = Arrivals::default();
+            arrivals.on_sequence(first);
+            let (mut at, mut span, mut lost) = (first, 1_u64, 0);
+            for (number, jump) in jumps.iter().enumerate() {
+                at = at.wrapping_add(*jump);
+                span += u64::from(*jump);
+                arrivals.on_sequence(at);
+                for (_, back) in late.iter().filter(|(when, back)| *when == number && u64::from(*back) < span) {
+                    arrivals.on_sequence(at.wrapping_sub(*back));
+                }
+                prop_assert!(lost <= arrivals.counts().lost);
+                lost = arrivals.counts().lost;
+            }
+            for _ in 0..MEMORY {
+                at = at.wrapping_add(1);
+                arrivals.on_sequence(at);
+            }
+            let counts = arrivals.counts();
+            prop_assert_eq!(counts.received + counts.lost, span + u64::from(MEMORY));
+        }
     }
 
     #[test]
@@ -102,7 +172,7 @@ mod tests {
     #[test]
     fn numbers_wrap() {
         let counts = counts_of(&[u32::MAX - 1, u32::MAX, 0, 1]);
-        assert_eq!((counts.received, counts.missing), (4, 0));
+        assert_eq!((counts.received, counts.lost), (4, 0));
     }
 
     #[test]

@@ -7,7 +7,7 @@
 //! |---|---|
 //! | [`time`] | the integer timestamps that all of it is written in |
 //! | [`conditioner`] | delay, jitter, loss, bursts, duplicates, reordering, outages, from a seed |
-//! | [`arrivals`] | what came, what is missing, what came twice; newest wins |
+//! | [`arrivals`] | what came, what was lost, what came twice; newest wins |
 //! | [`deadband`] | which frames a hand would not miss |
 //! | [`energy`] | tanks, cumulative counters, and an observer of a channel from outside |
 //! | [`motion_limiter`] | where a tool may go in a tick |

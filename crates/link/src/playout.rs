@@ -73,6 +73,26 @@ impl<T> Playout<T> {
         }
     }
 
+    /// As new, with the memory that it has.
+    pub fn restart(&mut self) {
+        // Every field by its name, so that none is forgotten.
+        let Self {
+            tick_ns: _,
+            waiting,
+            known,
+            offset_ns,
+            played_ns,
+            least_slack_ns,
+            looked_at,
+            counts,
+        } = self;
+        waiting.clear();
+        known.fill(None);
+        (*offset_ns, *played_ns) = (None, None);
+        (*least_slack_ns, *looked_at) = (i64::MAX, 0);
+        *counts = PlayoutCounts::default();
+    }
+
     /// A frame came, in whatever order. Copies are told by `sequence` and ignored. `sent_ns` is the sender's stamp.
     pub fn on_frame(&mut self, now: Timestamp, sequence: u32, sent_ns: u64, content: T) {
         let known = &mut self.known[sequence as usize % REMEMBERED];

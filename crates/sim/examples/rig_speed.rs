@@ -2,12 +2,12 @@
 
 use std::time::{Duration, Instant};
 
-use teleclay_bilateral::Lines;
 use teleclay_clay::{Clay, Shape};
 use teleclay_link::conditioner::Impairment;
 use teleclay_operator::{Intent, Reach};
 use teleclay_proto::join::LoopParameters;
 use teleclay_proto::{Scheme, ToolDescription};
+use teleclay_session::Lines;
 use teleclay_sim::rig::{Rig, Setup};
 
 fn main() {

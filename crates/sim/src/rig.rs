@@ -7,25 +7,24 @@
 //! Snapshots of the clay travel beside the lines, as on a stream that repeats what is lost: asked for at a delay up,
 //! taken from the clay then, there after a delay down.
 
-use std::sync::Arc;
 use std::time::Duration;
 
+use teleclay_bilateral::{HandleSide, HandleStep, Lease, LinkState, ParameterError, ToolSide};
 use teleclay_clay::Clay;
 use teleclay_device::DeviceSample;
 use teleclay_link::Vec3;
 use teleclay_link::deadband::{DeadbandError, DeadbandSettings};
 use teleclay_link::energy::Observer;
-use teleclay_link::replica::ToolSetup;
-use teleclay_link::scheme::replica::{Generation, ReplicaHandle, Snapshot};
+use teleclay_link::scheme::ClayCopy;
+use teleclay_link::scheme::replica::Snapshot;
 use teleclay_link::time::Timestamp;
 use teleclay_operator::{Axes, Intent, SimulatedHandle, SimulatedHandleError};
-use teleclay_proto::Scheme;
 use teleclay_proto::frame::ToolFrame;
+use teleclay_proto::http::{NewSession, SessionPatch};
 use teleclay_proto::join::LoopParameters;
-
-use teleclay_bilateral::{
-    FreshBlock, HandleSide, HandleStep, Lines, LinkState, ParameterError, SessionLoop, ToolSide,
-    material, tool_setup,
+use teleclay_proto::{Scheme, SessionId};
+use teleclay_session::{
+    Command, Lines, Operator, Prepared, Refusal, Rules, Session, SessionSetup, Settings,
 };
 
 /// Most frames that one tick can deliver to a handle.
@@ -60,6 +59,9 @@ pub enum RigError {
     /// The handle.
     #[error(transparent)]
     Handle(#[from] SimulatedHandleError),
+    /// The session.
+    #[error(transparent)]
+    Session(#[from] Refusal),
 }
 
 /// What went out, counted where it left.
@@ -100,25 +102,24 @@ pub struct Rig {
     axes: Axes,
     now: Timestamp,
     hands: Vec<Hand>,
-    session: SessionLoop,
+    session: Session,
     lines: Lines,
-    /// The block as it was at first, and where the first tool works on it.
+    /// The block as it was at first.
     block: Clay,
-    setup: Arc<ToolSetup>,
 }
 
 impl Hand {
     fn new(
         parameters: &LoopParameters,
         intent: Intent,
-        lease: u32,
+        lease: Lease,
         clay: &Clay,
     ) -> Result<Self, RigError> {
         let axes = axes_of(parameters);
         let mut handle = HandleSide::new(parameters, lease)?;
-        if parameters.scheme == Scheme::Replica {
+        if parameters.scheme.keeps_a_copy() {
             // The clay comes with the lease.
-            handle.on_snapshot(Snapshot {
+            handle.handle_snapshot(Snapshot {
                 clay: Box::new(clay.clone()),
                 epoch: 1,
             });
@@ -142,14 +143,15 @@ impl Hand {
 
     fn step(&mut self, now: Timestamp) -> DeviceSample {
         for frame in self.inbox.drain(..) {
-            self.handle.on_frame(now, &frame);
+            self.handle.handle_frame(now, &frame);
         }
         let before = self.held.unwrap_or_else(|| self.device.sample());
         self.last = self.handle.step(now, &before);
         if self.held.is_none() {
             self.device.command(self.last.command_m);
         }
-        drop(self.handle.take_retired());
+        drop(self.handle.poll_retired());
+        self.handle.restock();
         before
     }
 
@@ -160,7 +162,7 @@ impl Hand {
         let way = Vec3::from(after.position_m) - Vec3::from(before.position_m);
         self.observer
             .on_hand(Vec3::from(self.last.felt_force_n), way);
-        let copy = self.handle.replica().and_then(ReplicaHandle::copy);
+        let copy = self.handle.clay_copy().and_then(ClayCopy::copy);
         let (force, mut tool_way) = match copy {
             Some(copy) => (copy.answer(), copy.way()),
             None => {
@@ -196,7 +198,6 @@ impl Rig {
             intent,
             lines,
         } = setup;
-        let material = material(&parameters.material).map_err(ParameterError::from)?;
         let others = further.into_iter().map(|further| {
             let parameters = LoopParameters {
                 home_m: further.home_m,
@@ -207,27 +208,44 @@ impl Rig {
         let operators: Vec<_> = std::iter::once((parameters, intent))
             .chain(others)
             .collect();
+        // A stamp of zero means "none" on the wire.
+        let now = Timestamp::ZERO.after(Duration::from_secs_f64(parameters.tick_s));
+        let mut session = Session::new(SessionSetup {
+            settings: settings(&parameters, operators.len()),
+            lines,
+            clay: clay.clone(),
+            rules: Rules::default(),
+            first_lease: 1,
+            ownership_epoch: 1,
+        });
         let mut hands = Vec::with_capacity(operators.len());
-        let mut sides = Vec::with_capacity(operators.len());
-        for (lease, (parameters, intent)) in (1..).zip(operators) {
+        for (number, (parameters, intent)) in operators.into_iter().enumerate() {
+            let operator = Operator {
+                name: format!("operator {number}"),
+                device: "simulated".to_owned(),
+            };
+            let side = ToolSide::new(&parameters, 0)?;
+            let outcome =
+                session.handle_command(now, &mut Prepared::join(&operator, side, None))?;
+            let lease = Lease {
+                number: outcome.granted.expect(ATTACHED).lease,
+                ownership_epoch: session.ownership_epoch(),
+            };
+            let parameters = LoopParameters {
+                revision: outcome.revision as u32,
+                ..parameters
+            };
             hands.push(Hand::new(&parameters, intent, lease, &clay)?);
-            sides.push(Box::new(ToolSide::new(&parameters, lease)?));
-        }
-        let mut session = SessionLoop::new(clay.clone(), material, hands.len(), &lines);
-        for (slot, side) in sides.into_iter().enumerate() {
-            session.attach(slot, side);
         }
         let tick = Duration::from_secs_f64(parameters.tick_s);
         Ok(Self {
             tick,
             axes: axes_of(&parameters),
-            // A stamp of zero means "none" on the wire.
-            now: Timestamp::ZERO.after(tick),
+            now,
             hands,
             session,
             lines,
             block: clay,
-            setup: tool_setup(&parameters)?,
         })
     }
 
@@ -241,12 +259,15 @@ impl Rig {
             if let Some(frame) = hand.handle.frame_to_send() {
                 hand.sent.frames += 1;
                 hand.sent.bytes += frame.encoded_len() as u64;
-                self.session.on_frame(now, slot, frame.clone());
+                self.session.handle_frame(now, slot, frame);
             }
         }
-        let hands = &mut self.hands;
-        self.session
-            .step(now, |slot, frame| hands[slot].inbox.push(*frame));
+        self.session.tick(now);
+        while let Some((slot, frame)) = self.session.poll_transmit() {
+            self.hands[slot].inbox.push(*frame);
+        }
+        while self.session.poll_event().is_some() {}
+        while self.session.poll_retired().is_some() {}
         let tick_s = self.tick.as_secs_f64();
         for (slot, hand) in self.hands.iter_mut().enumerate() {
             let tool = self.session.side(slot).expect(ATTACHED);
@@ -285,13 +306,13 @@ impl Rig {
             if under_way.snapshot.is_none() && under_way.taken <= now {
                 under_way.snapshot = Some(Snapshot {
                     clay: Box::new(self.session.clay().clone()),
-                    epoch: self.session.generation().epoch,
+                    epoch: self.session.clay_epoch(),
                 });
             }
             if under_way.due <= now
                 && let Some(snapshot) = under_way.snapshot.take()
             {
-                hand.handle.on_snapshot(snapshot);
+                hand.handle.handle_snapshot(snapshot);
                 hand.snapshot = None;
             }
         }
@@ -342,25 +363,49 @@ impl Rig {
         self.lines = lines;
     }
 
-    /// Changes the scheme of every operator, as a new revision of the parameters.
-    pub fn change_scheme(&mut self, scheme: Scheme) {
-        let revision = self.session.generation().since_revision.wrapping_add(1);
-        self.session.change_scheme(scheme, revision);
+    /// Changes settings of the session, as a new revision.
+    ///
+    /// # Panics
+    /// The session refuses.
+    pub fn patch(&mut self, patch: SessionPatch) {
+        let changed = self.session.carry_out(self.now, &Command::Patch { patch });
+        changed.expect("a rig changes to what can be");
     }
 
-    /// A fresh block of the shape and size of the first, as a new revision of the parameters.
+    /// Holds every tool, until [`resume`](Self::resume).
+    pub fn pause(&mut self) {
+        self.patch(SessionPatch {
+            paused: Some(true),
+            ..SessionPatch::default()
+        });
+    }
+
+    /// Lets the tools work again.
+    pub fn resume(&mut self) {
+        self.patch(SessionPatch {
+            paused: Some(false),
+            ..SessionPatch::default()
+        });
+    }
+
+    /// Changes the scheme of every operator, as a new revision.
+    pub fn change_scheme(&mut self, scheme: Scheme) {
+        self.patch(SessionPatch {
+            scheme: Some(scheme),
+            ..SessionPatch::default()
+        });
+    }
+
+    /// A fresh block of the shape and size of the first, as a new revision.
+    ///
+    /// # Panics
+    /// The session refuses.
     pub fn fresh_block(&mut self) {
-        let generation = self.session.generation();
-        let mut fresh = FreshBlock {
-            clay: self.block.clone(),
-            setup: Arc::clone(&self.setup),
-            generation: Generation {
-                since_revision: generation.since_revision.wrapping_add(1),
-                epoch: generation.epoch.wrapping_add(1),
-            },
-            before: Vec::new(),
-        };
-        self.session.swap_clay(&mut fresh);
+        let settings = Settings::clone(self.session.settings());
+        let revision = settings.revision;
+        let changed = Prepared::fresh_block(settings, self.block.clone(), revision)
+            .and_then(|mut fresh| self.session.handle_command(self.now, &mut fresh));
+        changed.expect("a rig changes to what can be");
     }
 
     /// Energy in the channel between the first hand and its clay, J, from true work at both ends.
@@ -423,18 +468,18 @@ impl Rig {
         &self.hands[slot].handle
     }
 
-    /// The first operator's scheme, where it keeps a copy of the clay.
-    pub fn replica(&self) -> Option<&ReplicaHandle> {
-        self.handle().replica()
+    /// The copy of the clay that the first operator feels, where the scheme keeps one.
+    pub fn clay_copy(&self) -> Option<&dyn ClayCopy> {
+        self.handle().clay_copy()
     }
 
     /// The session.
-    pub fn session(&self) -> &SessionLoop {
+    pub fn session(&self) -> &Session {
         &self.session
     }
 
     /// The session, to change its material or clay.
-    pub fn session_mut(&mut self) -> &mut SessionLoop {
+    pub fn session_mut(&mut self) -> &mut Session {
         &mut self.session
     }
 
@@ -446,6 +491,25 @@ impl Rig {
 
 const MAX_TOOLS: usize = teleclay_proto::http::MAX_TOOLS as usize;
 const ATTACHED: &str = "the rig never detaches a tool";
+
+/// The settings of a session that runs with these parameters. They hold more than a new session can ask for.
+fn settings(parameters: &LoopParameters, tools: usize) -> Settings {
+    let spec = NewSession {
+        axes: parameters.axes,
+        scheme: parameters.scheme,
+        material: parameters.material,
+        tool: parameters.tool,
+        deadband: parameters.deadband,
+        tools: tools as u8,
+        ..NewSession::new(SessionId::new("rig").expect("a constant name is valid"))
+    };
+    Settings {
+        revision: u64::from(parameters.revision),
+        spec,
+        parameters: *parameters,
+        is_paused: false,
+    }
+}
 
 fn axes_of(parameters: &LoopParameters) -> Axes {
     match parameters.axes {

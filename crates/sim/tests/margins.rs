@@ -25,7 +25,6 @@
 mod rigs;
 
 use rigs::{TICK, TICK_S, both_ways, embedded, material};
-use teleclay_bilateral::Lines;
 use teleclay_control::compensators::Sides;
 use teleclay_control::{
     ClosedLoop, Complex, DelayMargin, DelayedScheme, Polynomial, RationalFunction, paper,
@@ -34,6 +33,7 @@ use teleclay_link::conditioner::Impairment;
 use teleclay_operator::Intent;
 use teleclay_proto::Scheme;
 use teleclay_proto::join::LoopParameters;
+use teleclay_session::Lines;
 use teleclay_sim::rig::Rig;
 
 /// The blade's faces in the clay, across x and across y: 1 cm by 3 cm, 2 mm by 3 cm.

@@ -14,6 +14,7 @@ use teleclay_bilateral::LinkState;
 use teleclay_link::Vec3;
 use teleclay_link::deadband::{DeadbandError, DeadbandSettings};
 use teleclay_operator::{Intent, Waypoint};
+use teleclay_proto::http::SessionPatch;
 use teleclay_proto::join::LoopParameters;
 use teleclay_proto::{Material, Scheme};
 use teleclay_sim::rig::Rig;
@@ -262,8 +263,10 @@ fn changing_the_deadband_of_position_force_does_not_move_the_tool() {
             let mut roughest = 0.0_f64;
             for ms in 0..450 {
                 if ms == 0 {
-                    let revision = rig.session().generation().since_revision + 1;
-                    rig.session_mut().set_deadband(to, revision).unwrap();
+                    rig.patch(SessionPatch {
+                        deadband: Some(to),
+                        ..SessionPatch::default()
+                    });
                 }
                 if ms == heard_ms {
                     rig.handle_mut().set_deadband(to).unwrap();

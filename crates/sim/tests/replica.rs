@@ -56,7 +56,7 @@ fn drain(rig: &mut Rig) {
 }
 
 fn hash_at_handle(rig: &Rig, slot: usize) -> u64 {
-    let copy = rig.handle_of(slot).replica().unwrap().copy().unwrap();
+    let copy = rig.handle_of(slot).clay_copy().unwrap().copy().unwrap();
     copy.clay().clone().hash()
 }
 
@@ -65,8 +65,8 @@ fn hash_at_server(rig: &Rig) -> u64 {
 }
 
 fn assert_clay_is_one(rig: &Rig, what: &str) {
-    for slot in 0..rig.session().slots() {
-        let replica = rig.handle_of(slot).replica().unwrap();
+    for slot in 0..rig.session().tools() {
+        let replica = rig.handle_of(slot).clay_copy().unwrap();
         assert_eq!(
             replica.log().waiting(),
             0,
@@ -148,7 +148,7 @@ fn the_hand_feels_no_network_and_the_server_gets_the_same_clay() {
             hash_at_server(&ideal),
             "{what}, {line:?}: other clay"
         );
-        let replica = rig.replica().unwrap();
+        let replica = rig.clay_copy().unwrap();
         assert_eq!(rig.tool().view().sweeps_refused, 0, "{what}");
         assert!(
             replica.wanted_snapshot().is_none() && replica.state() == CopyState::Live,
@@ -253,7 +253,7 @@ fn a_second_writer_jolts_nobody_and_brings_no_energy_that_was_not_earned() {
         for _ in 0..8000 {
             rig.tick();
             for slot in 0..2 {
-                let replica = rig.handle_of(slot).replica().unwrap();
+                let replica = rig.handle_of(slot).clay_copy().unwrap();
                 let limiter = replica.copy().unwrap().limiter();
                 steps[slot] = steps[slot].max(limiter.step_n());
                 assert!(limiter.injected_j() <= limiter.earned_j() + 1e-12);
@@ -304,7 +304,7 @@ fn corrections_are_told_as_the_hand_felt_them() {
         for _ in 0..7000 {
             rig.tick();
             let told = rig.handle().frame().corrections;
-            let copy = rig.handle().replica().unwrap().copy().unwrap();
+            let copy = rig.handle().clay_copy().unwrap().copy().unwrap();
             let mut own = copy.answer() / force_ratio;
             own.z = 0.0; // only lifted, so nothing of it is felt
             let before = std::mem::replace(&mut held, Vec3::from(rig.last().felt_force_n) - own);
@@ -333,7 +333,7 @@ fn corrections_are_told_as_the_hand_felt_them() {
         assert!(0.9 * f64::from(told.largest_step_n) < largest_n, "{case}");
         let since_n = told.moved_n - start.moved_n;
         assert!(0.2 < moved_n && moved_n <= since_n + 1e-6, "{case}");
-        let limiter = *rig.handle().replica().unwrap().copy().unwrap().limiter();
+        let limiter = *rig.handle().clay_copy().unwrap().copy().unwrap().limiter();
         assert!((told.moved_n * force_ratio - limiter.moved_n()).abs() < 1e-9);
         let injected_j = f64::from(told.injected_j) * position_ratio * force_ratio;
         assert!((injected_j - limiter.injected_j()).abs() < 1e-6 * (1.0 + injected_j));
@@ -369,7 +369,12 @@ fn only_work_that_the_hand_felt_fills_the_tank() {
         );
         rig.run_for(Duration::from_secs(2));
         assert!(0 < rig.session().clay().removed_units());
-        rig.replica().unwrap().copy().unwrap().limiter().earned_j()
+        rig.clay_copy()
+            .unwrap()
+            .copy()
+            .unwrap()
+            .limiter()
+            .earned_j()
     };
     let [two, three] = [Axes::Two, Axes::Three].map(earned_j);
     println!("{two} J with two axes, {three} J with three");
@@ -391,7 +396,7 @@ fn clay_that_came_to_differ_is_found_and_healed() {
     };
     assert!(0 < rig.session_mut().clay_mut().carve(&unseen));
     let before = rig
-        .replica()
+        .clay_copy()
         .unwrap()
         .copy()
         .unwrap()
@@ -401,21 +406,21 @@ fn clay_that_came_to_differ_is_found_and_healed() {
     let mut steepest = 0.0_f64;
     for _ in 0..2000 {
         rig.tick();
-        steepest = steepest.max(rig.replica().unwrap().copy().unwrap().limiter().step_n());
+        steepest = steepest.max(rig.clay_copy().unwrap().copy().unwrap().limiter().step_n());
     }
     drain(&mut rig);
     assert_clay_is_one(&rig, "after healing");
     assert!(
         before
             < rig
-                .replica()
+                .clay_copy()
                 .unwrap()
                 .copy()
                 .unwrap()
                 .clay()
                 .removed_units()
     );
-    assert_eq!(rig.replica().unwrap().state(), CopyState::Live);
+    assert_eq!(rig.clay_copy().unwrap().state(), CopyState::Live);
     assert!(steepest <= 0.07 * LoopParameters::default().force_limit_n);
 }
 
@@ -424,7 +429,7 @@ fn clay_that_came_to_differ_is_found_and_healed() {
 fn every_sweep_begins_where_the_last_one_ended() {
     let mut rig = cutting_over(line(5, 0.0, 0.0), 1);
     rig.run_for(Duration::from_secs(4));
-    let replica = rig.replica().unwrap();
+    let replica = rig.clay_copy().unwrap();
     let log = replica.log();
     let sweeps: Vec<_> = (1..=log.last())
         .filter_map(|number| log.record(number))
@@ -452,7 +457,7 @@ fn a_sweep_that_cannot_have_been_is_refused() {
     rig.run_for(Duration::from_millis(200));
     let removed = rig.session().clay().removed_units();
     let mut forged = rig.handle().frame().clone();
-    let next = rig.replica().unwrap().log().last() + 1;
+    let next = rig.clay_copy().unwrap().log().last() + 1;
     let at = |x: f64| Pose::quantise([x, 0.032, 0.03]).unwrap().steps();
     forged.header.sequence = forged.header.sequence.wrapping_add(1);
     forged.sweeps.clear();
@@ -465,7 +470,7 @@ fn a_sweep_that_cannot_have_been_is_refused() {
         forged.sweeps.push(record).unwrap();
     }
     let now = rig.now();
-    rig.session_mut().on_frame(now, 0, forged);
+    rig.session_mut().handle_frame(now, 0, &forged);
     rig.run_for(TICK * 3);
     assert_eq!(rig.tool().view().sweeps_refused, 2);
     assert_eq!(rig.session().clay().removed_units(), removed);
@@ -478,7 +483,7 @@ fn one_snapshot_heals_a_copy_that_is_being_cut() {
     rig.run_for(Duration::from_secs(4));
     let mut forged = rig.handle().frame().clone();
     // A number that the hand does not come to in this test.
-    let number = rig.replica().unwrap().log().last() + 6000;
+    let number = rig.clay_copy().unwrap().log().last() + 6000;
     let out_of_reach = Pose::quantise([2.0, 0.0, 0.0]).unwrap().steps();
     forged.header.sequence = forged.header.sequence.wrapping_add(1);
     forged.sweeps.clear();
@@ -489,14 +494,14 @@ fn one_snapshot_heals_a_copy_that_is_being_cut() {
     };
     forged.sweeps.push(record).unwrap();
     let now = rig.now();
-    rig.session_mut().on_frame(now, 0, forged);
+    rig.session_mut().handle_frame(now, 0, &forged);
     let mut snapshots = 0;
     for _ in 0..8000 {
         if rig.now() == now.after(Duration::from_secs(3)) {
             rig.hold_handles_fast();
         }
         rig.tick();
-        let wanted = rig.replica().unwrap().wanted_snapshot();
+        let wanted = rig.clay_copy().unwrap().wanted_snapshot();
         snapshots = snapshots.max(wanted.map_or(0, |wanted| wanted.number));
     }
     assert_eq!(rig.tool().view().sweeps_refused, 1);
@@ -527,7 +532,7 @@ fn on_a_long_silence_the_copy_is_felt_but_no_longer_cut_and_nothing_is_lost() {
     rig.run_for(Duration::from_millis(1900));
     assert_eq!(rig.last().link_state, LinkState::OnStaleCopy);
     let cut_by_then = rig
-        .replica()
+        .clay_copy()
         .unwrap()
         .copy()
         .unwrap()
@@ -539,7 +544,7 @@ fn on_a_long_silence_the_copy_is_felt_but_no_longer_cut_and_nothing_is_lost() {
         felt = felt.max(norm(rig.last().felt_force_n));
     }
     assert_eq!(
-        rig.replica()
+        rig.clay_copy()
             .unwrap()
             .copy()
             .unwrap()
@@ -566,14 +571,14 @@ fn on_a_long_silence_the_copy_is_felt_but_no_longer_cut_and_nothing_is_lost() {
 fn a_pause_loses_no_cut_and_stops_all_further_ones() {
     let mut rig = cutting_over(line(100, 0.2, 0.1), 2);
     rig.run_for(Duration::from_secs(4));
-    rig.session_mut().pause();
+    rig.pause();
     rig.run_for(Duration::from_secs(3));
     assert_eq!(rig.last().link_state, LinkState::Paused);
     let removed = rig.session().clay().removed_units();
     rig.run_for(Duration::from_secs(2));
     assert_eq!(rig.session().clay().removed_units(), removed);
     assert_eq!(rig.last().felt_force_n, [0.0; 3]);
-    rig.session_mut().resume();
+    rig.resume();
     rig.run_for(Duration::from_secs(4));
     assert!(removed < rig.session().clay().removed_units());
     drain(&mut rig);
@@ -591,7 +596,7 @@ fn sweeps_of_a_block_that_is_gone_do_not_cut_the_fresh_one() {
     assert_eq!(rig.session().clay().occupancy(began), 0);
     rig.hold_handles_fast();
     rig.run_for(TICK * 20);
-    assert!(0 < rig.replica().unwrap().log().waiting());
+    assert!(0 < rig.clay_copy().unwrap().log().waiting());
     rig.fresh_block();
     rig.run_for(Duration::from_secs(6));
     // The tool clears the place where it stands, and that is all: where the first stroke began there is clay again.
@@ -626,14 +631,14 @@ fn a_copy_that_comes_late_is_the_clay_as_it_is() {
         assert!(0 < rig.session().clay().removed_units());
         rig.change_scheme(Scheme::Replica);
         rig.run_for(Duration::from_secs(4));
-        assert_eq!(rig.replica().unwrap().state(), CopyState::Live);
+        assert_eq!(rig.clay_copy().unwrap().state(), CopyState::Live);
         drain(&mut rig);
         assert_clay_is_one(&rig, "late copy");
         rig.let_handles_go();
         rig.change_scheme(from);
         rig.device_mut().intend(cutting());
         rig.run_for(Duration::from_secs(4));
-        assert!(rig.replica().is_none());
+        assert!(rig.clay_copy().is_none());
     }
 }
 

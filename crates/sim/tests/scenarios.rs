@@ -3,7 +3,7 @@
 
 use std::time::Duration;
 
-use teleclay_bilateral::{Lines, LinkState, Permission, ToolSide, material};
+use teleclay_bilateral::{LinkState, Permission, ToolSide, material};
 use teleclay_clay::{Clay, Shape, SteppedBlock};
 use teleclay_link::conditioner::{Bursts, Impairment, JitterDistribution, Outages};
 use teleclay_link::time::Timestamp;
@@ -11,6 +11,7 @@ use teleclay_operator::{Intent, Reach};
 use teleclay_proto::frame::HandleFrame;
 use teleclay_proto::join::LoopParameters;
 use teleclay_proto::{Axes, Scheme, ToolDescription};
+use teleclay_session::Lines;
 use teleclay_sim::rig::{Rig, Setup};
 
 fn force_exchange() -> LoopParameters {
@@ -285,7 +286,7 @@ fn a_value_that_is_no_number_ends_in_fault_with_its_name_and_no_force() {
     frame.header.sequence += 1;
     frame.hand_force_n[1] = f64::NAN;
     let now = rig.now();
-    rig.session_mut().on_frame(now, 0, frame);
+    rig.session_mut().handle_frame(now, 0, &frame);
     let removed = rig.session().clay().removed_units();
     rig.run_for(Duration::from_millis(60));
     assert_eq!(
@@ -334,11 +335,11 @@ fn no_number_of_a_handle_frame_escapes_the_check() {
         let mut frame = HandleFrame::default();
         frame.header.lease = 7;
         frame.header.sequence = 1;
-        side.on_frame(Timestamp::from_nanos(1_000_000), &frame);
+        side.handle_frame(Timestamp::from_nanos(1_000_000), &frame);
         assert_eq!(side.fault(), None);
         frame.header.sequence = 2;
         spoil(&mut frame);
-        side.on_frame(Timestamp::from_nanos(2_000_000), &frame);
+        side.handle_frame(Timestamp::from_nanos(2_000_000), &frame);
         assert_eq!(side.fault().map(|fault| fault.field), Some(field));
     }
 }
@@ -357,7 +358,7 @@ fn a_tool_that_was_just_seated_has_not_been_silent_since_the_server_began() {
     assert!((side.silence_s(at(100_040)) - 0.040).abs() < 1e-9);
     let mut frame = HandleFrame::default();
     frame.header.lease = 7;
-    side.on_frame(at(100_050), &frame);
+    side.handle_frame(at(100_050), &frame);
     assert!((side.silence_s(at(100_052)) - 0.002).abs() < 1e-9);
 }
 
@@ -365,7 +366,7 @@ fn a_tool_that_was_just_seated_has_not_been_silent_since_the_server_began() {
 fn pausing_holds_the_tool_and_resuming_steps_nothing() {
     let mut rig = carving(cutting(), Lines::default());
     rig.run_for(Duration::from_secs(6));
-    rig.session_mut().pause();
+    rig.pause();
     rig.run_for(Duration::from_millis(100));
     let held = rig.tool().view().position_m;
     rig.run_for(Duration::from_secs(2));
@@ -374,7 +375,7 @@ fn pausing_holds_the_tool_and_resuming_steps_nothing() {
         held.map(f64::to_bits)
     );
     assert_eq!(rig.last().felt_force_n, [0.0; 3]);
-    rig.session_mut().resume();
+    rig.resume();
     let mut before = rig.last().felt_force_n;
     for _ in 0..300 {
         rig.tick();

@@ -8,12 +8,12 @@ mod rigs;
 use std::time::Duration;
 
 use rigs::{TICK, TICK_S, embedded, material, running};
-use teleclay_bilateral::Lines;
 use teleclay_link::conditioner::Impairment;
 use teleclay_link::scheme::wave::FILTER_RAD_S;
 use teleclay_operator::Intent;
 use teleclay_proto::Scheme;
 use teleclay_proto::join::LoopParameters;
+use teleclay_session::Lines;
 
 /// An echo goes round the slowest line here in 0.25 s, filters included, and comes back with 0.74 of what it was: it decays with a time constant of 0.84 s.
 /// This is fourteen of them, so 50 mm/s are down to 50 nm/s.

@@ -5,7 +5,7 @@ mod rigs;
 use std::time::Duration;
 
 use rigs::{TICK, TICK_S, both_ways, carving, line, running};
-use teleclay_bilateral::HandleSide;
+use teleclay_bilateral::{HandleSide, Lease};
 use teleclay_device::DeviceSample;
 use teleclay_link::scheme::tdpa::{DRIFT_SPEED_M_S, RESERVE_J};
 use teleclay_link::time::Timestamp;
@@ -18,7 +18,14 @@ use teleclay_sim::rig::Rig;
 #[test]
 fn energy_is_counted_by_the_way_and_not_by_the_velocity() {
     const WAY_M: f64 = 2e-5;
-    let mut handle = HandleSide::new(&running(Scheme::Tdpa), 7).unwrap();
+    let mut handle = HandleSide::new(
+        &running(Scheme::Tdpa),
+        Lease {
+            number: 7,
+            ownership_epoch: 0,
+        },
+    )
+    .unwrap();
     let (mut now, mut work_j) = (Timestamp::ZERO.after(TICK), 0.0);
     let mut felt_n = 0.0;
     for tick in 1..1500 {
@@ -34,7 +41,7 @@ fn energy_is_counted_by_the_way_and_not_by_the_velocity() {
             force_n: [-2.0, 0.0, 0.0],
             ..ToolFrame::default()
         };
-        handle.on_frame(now, &frame);
+        handle.handle_frame(now, &frame);
         // The force of the tick before was felt on the way to here.
         work_j += -felt_n * WAY_M;
         let sample = DeviceSample {

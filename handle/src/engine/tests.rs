@@ -11,9 +11,13 @@ use std::time::Duration;
 use rtrb::Producer;
 use teleclay_device::DeviceSample;
 use teleclay_operator::{Axes, Intent, SimulatedHandle};
+use teleclay_proto::NodeName;
 use teleclay_proto::frame::{Engagement, HandleFrame, LoopStatus, ToolFrame};
 use teleclay_proto::http::ClayShape;
 use teleclay_proto::join::{ClayDescription, Granted, LoopParameters};
+use teleclay_shell::Clock;
+use teleclay_shell::realtime::{Ends, Realtime};
+use teleclay_shell::ticker::{Next, Tick};
 
 use super::*;
 use crate::attachment::Arrived;
@@ -21,10 +25,17 @@ use crate::outbox::Sender;
 
 const TICK_S: f64 = 1e-3;
 const TICK: Duration = Duration::from_millis(1);
+const IN_TIME: Tick = Tick {
+    number: 0,
+    lateness: Duration::ZERO,
+    given_up: 0,
+};
 
 fn granted(lease: u32) -> Granted {
     Granted {
         lease,
+        ownership_epoch: 1,
+        node: NodeName::new("local").unwrap(),
         tool: 1,
         lease_s: 5.0,
         parameters: LoopParameters {
@@ -99,8 +110,8 @@ impl Device for Probe {
 
 /// An engine, a tool side under one lease, and the time.
 struct Bench {
-    engine: Engine,
-    ends: Ends,
+    realtime: Realtime<Engine>,
+    ends: Ends<Engine>,
     now: Timestamp,
     tool: Tool,
     commands: Commands,
@@ -130,6 +141,7 @@ fn tool(lease: u32, clock: Clock) -> (Tool, Box<Attachment>) {
         ..ToolFrame::default()
     };
     frame.header.lease = lease;
+    frame.header.ownership_epoch = 1;
     frame.header.scheme = Scheme::ForceExchange;
     (
         Tool {
@@ -157,9 +169,10 @@ impl Bench {
         };
         let now = Timestamp::ZERO.after(TICK);
         let (tool, attachment) = tool(1, Clock::start());
-        let (engine, ends) = Engine::new(now, TICK_S, Box::new(probe), attachment);
+        let engine = Engine::new(now, TICK_S, Box::new(probe), attachment);
+        let (realtime, ends) = Realtime::new(engine, Clock::start(), CAPACITIES);
         Self {
-            engine,
+            realtime,
             ends,
             now,
             tool,
@@ -182,9 +195,9 @@ impl Bench {
     }
 
     fn tick(&mut self) -> Record {
-        let record = self.engine.tick(self.now).unwrap();
+        assert_eq!(self.realtime.tick_at(self.now, IN_TIME), Next::Continue);
         self.now = self.now.after(TICK);
-        record
+        self.ends.records.pop().unwrap()
     }
 
     /// Ticks with the tool speaking.
@@ -354,7 +367,7 @@ fn leaving_says_so_in_every_frame_and_ends_at_rest_without_force() {
         "{force_n} N, {velocity_m_s} m/s"
     );
     assert_eq!(
-        bench.engine.attachment.side.frame().engagement,
+        bench.realtime.machine().attachment.side.frame().engagement,
         Engagement::Leaving
     );
 }
@@ -414,15 +427,9 @@ fn a_value_from_the_tool_side_that_is_not_finite_releases_the_force() {
 #[test]
 fn a_lost_device_ends_the_thread_and_says_why() {
     let mut bench = Bench::new(Intent::Idle);
-    let tick = Tick {
-        number: 0,
-        lateness: Duration::ZERO,
-        given_up: 0,
-    };
-    let clock = Clock::start();
-    assert_eq!(bench.engine.timed_tick(clock, &tick), Next::Continue);
+    bench.tick();
     bench.trouble.send(Trouble::Lost).unwrap();
-    assert_eq!(bench.engine.timed_tick(clock, &tick), Next::Stop);
+    assert_eq!(bench.realtime.tick_at(bench.now, IN_TIME), Next::Stop);
     assert_eq!(
         bench.ends.failures.pop().unwrap().to_string(),
         "probe is lost: unplugged"
@@ -432,22 +439,16 @@ fn a_lost_device_ends_the_thread_and_says_why() {
 #[test]
 fn a_request_waits_until_its_record_is_taken_and_is_told_once() {
     let mut bench = Bench::new(Intent::Idle);
-    let tick = Tick {
-        number: 0,
-        lateness: Duration::ZERO,
-        given_up: 0,
-    };
-    let clock = Clock::start();
-    for _ in 0..RECORDS_WAITING {
-        bench.engine.timed_tick(clock, &tick);
+    for _ in 0..CAPACITIES.records {
+        bench.realtime.tick_at(bench.now, IN_TIME);
     }
     bench.trouble.send(Trouble::WantsClay).unwrap();
     for _ in 0..3 {
-        bench.engine.timed_tick(clock, &tick);
+        bench.realtime.tick_at(bench.now, IN_TIME);
     }
     while bench.ends.records.pop().is_ok() {}
     for _ in 0..3 {
-        bench.engine.timed_tick(clock, &tick);
+        bench.realtime.tick_at(bench.now, IN_TIME);
     }
     let requests: Vec<_> = std::iter::from_fn(|| bench.ends.records.pop().ok())
         .map(|record| record.request)
@@ -473,12 +474,14 @@ fn tool_setup() -> Arc<ToolSetup> {
 /// What was discarded so far, by its kind.
 fn discarded(bench: &mut Bench) -> Vec<&'static str> {
     let mut kinds = Vec::new();
-    while let Ok(done_with) = bench.ends.discarded.pop() {
-        kinds.push(match done_with {
-            Discarded::Attachment { .. } => "attachment",
-            Discarded::ToolSetup { .. } => "tool setup",
-            Discarded::Snapshot { .. } => "snapshot",
-            Discarded::Retired { .. } => "retired",
+    while let Ok(done) = bench.ends.done.pop() {
+        kinds.push(match done {
+            Done::Order => continue,
+            Done::Controller { .. } => "controller",
+            Done::Attachment { .. } => "attachment",
+            Done::ToolSetup { .. } => "tool setup",
+            Done::Snapshot { .. } => "snapshot",
+            Done::Retired { .. } => "retired",
         });
     }
     kinds
@@ -522,6 +525,32 @@ fn under_the_replica_a_snapshot_is_wanted_until_it_is_there_and_is_felt_from_the
     assert_eq!(record.copy, CopyState::Live);
     let kinds = discarded(&mut bench);
     assert!(kinds.contains(&"snapshot"), "{kinds:?}");
+}
+
+/// A scheme changes in one tick, with the controller that waited for it; until another one is brought, that scheme cannot take over again.
+#[test]
+fn a_controller_is_wanted_once_a_scheme_has_taken_over_and_is_used_once_it_is_there() {
+    let mut bench = Bench::new(Intent::Idle);
+    assert_eq!(bench.couple_for(5).wanted.controller, None);
+    let context = bench.realtime.machine().attachment.side.context().clone();
+    bench.tool.frame.header.scheme = Scheme::Wave;
+    let record = bench.couple_for(2);
+    assert_eq!(record.scheme, Scheme::Wave);
+    assert_eq!(record.wanted.controller, Some(Scheme::ForceExchange));
+    assert_eq!(discarded(&mut bench), ["retired"]);
+    bench.tool.frame.header.scheme = Scheme::ForceExchange;
+    assert_eq!(bench.couple_for(20).scheme, Scheme::Wave, "none waits");
+    for (lease, left) in [(9, "controller"), (1, "retired")] {
+        let provide = Order::Provide {
+            lease,
+            scheme: Scheme::ForceExchange,
+            controller: teleclay_link::scheme::handle_controller(Scheme::ForceExchange, &context),
+        };
+        assert!(bench.ends.orders.push(provide).is_ok());
+        bench.couple_for(2);
+        assert_eq!(discarded(&mut bench), [left]);
+    }
+    assert_eq!(bench.couple_for(1).scheme, Scheme::ForceExchange);
 }
 
 #[test]

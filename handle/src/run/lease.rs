@@ -6,12 +6,13 @@ use teleclay_link::time::Timestamp;
 use teleclay_proto::PROTOCOL;
 use teleclay_proto::join::JoinRequest;
 use teleclay_shell::network::{self, Endpoints};
+use teleclay_shell::realtime::Realtime;
 use teleclay_shell::ticker::TickerConfig;
 use tokio::time::Instant;
 
 use super::{Failure, Rig, Run, close};
 use crate::device::DeviceSetup;
-use crate::engine::{Engine, Order};
+use crate::engine::{CAPACITIES, Engine, Order};
 use crate::event::Event;
 use crate::join::{self, JoinGrant, JoinTarget, OldLease};
 use crate::line::Line;
@@ -20,7 +21,7 @@ impl Run {
     /// Asks for a lease until one is granted; for the old one, if there was one.
     pub(super) fn search(&mut self) {
         let target = JoinTarget {
-            node: self.options.node.clone(),
+            realm: self.options.realm.clone(),
             session: self.options.session.clone(),
             request: JoinRequest {
                 protocol: PROTOCOL,
@@ -58,7 +59,7 @@ impl Run {
         let setup = DeviceSetup::of(&grant.granted);
         let parameters = grant.granted.parameters;
         let joined = Event::Joined {
-            node: grant.keys.node().clone(),
+            node: grant.granted.node.clone(),
             session: grant.keys.session().clone(),
             tool: grant.granted.tool,
             lease: grant.granted.lease,
@@ -77,6 +78,7 @@ impl Run {
         let (line, attachment) = Line::open(&self.control, slow, self.clock, grant, gone).await?;
         self.refreshing = None;
         self.revision = parameters.revision;
+        self.context = Some(attachment.side.context().clone());
         self.metrics.on_lease(line.grant.granted.lease);
         self.line = Some(line);
         self.emit(joined);
@@ -97,7 +99,8 @@ impl Run {
         let device = (self.options.open_device)(&setup).map_err(Failure::Open)?;
         let name = device.name().to_owned();
         let now = Timestamp::from_nanos(self.clock.now_ns());
-        let (engine, ends) = Engine::new(now, setup.tick_s, device, attachment);
+        let engine = Engine::new(now, setup.tick_s, device, attachment);
+        let (realtime, ends) = Realtime::new(engine, self.clock, CAPACITIES);
         let period = Duration::from_secs_f64(setup.tick_s);
         let config = TickerConfig {
             name: "handle-tick",
@@ -105,7 +108,7 @@ impl Run {
             scheduling: self.options.scheduling,
             spin: self.options.spin,
         };
-        let ticker = engine.spawn(self.clock, config)?;
+        let ticker = realtime.spawn(config)?;
         self.metrics.on_thread(period, ticker.scheduler());
         let scheduler = ticker.scheduler().to_owned();
         self.emit(Event::Ticking {
@@ -165,15 +168,15 @@ mod tests {
 
     #[test]
     fn a_slow_endpoint_that_listens_everywhere_is_reached_where_the_server_is() {
-        let connect = "tcp/192.0.2.7:7447";
-        assert_eq!(reachable("tcp/0.0.0.0:7448", connect), "tcp/192.0.2.7:7448");
+        let connect = "tcp/192.0.2.7:7547";
+        assert_eq!(reachable("tcp/0.0.0.0:7548", connect), "tcp/192.0.2.7:7548");
         assert_eq!(
-            reachable("udp/[::]:7448", "tcp/[2001:db8::1]:7447"),
-            "udp/[2001:db8::1]:7448"
+            reachable("udp/[::]:7548", "tcp/[2001:db8::1]:7547"),
+            "udp/[2001:db8::1]:7548"
         );
         assert_eq!(
-            reachable("tcp/127.0.0.1:7448", connect),
-            "tcp/127.0.0.1:7448"
+            reachable("tcp/127.0.0.1:7548", connect),
+            "tcp/127.0.0.1:7548"
         );
     }
 }

@@ -15,9 +15,11 @@ use std::pin::Pin;
 use std::time::Duration;
 
 use teleclay_bilateral::LinkState;
+use teleclay_link::scheme::SchemeContext;
 use teleclay_proto::join::FreshReply;
-use teleclay_proto::{NodeName, SessionId};
+use teleclay_proto::{RealmName, SessionId};
 use teleclay_shell::network::{self, Endpoints};
+use teleclay_shell::realtime::Ends;
 use teleclay_shell::ticker::{Scheduling, Ticker};
 use teleclay_shell::{Clock, Drift};
 use tokio::sync::mpsc::{UnboundedReceiver, UnboundedSender, unbounded_channel};
@@ -26,7 +28,7 @@ use tokio::time::{Instant, Interval, MissedTickBehavior, interval, sleep_until, 
 use zenoh::Session;
 
 use crate::device::{Device, DeviceError, DeviceSetup};
-use crate::engine::{Ends, Mode, Order};
+use crate::engine::{Engine, Mode, Order};
 use crate::event::Event;
 use crate::join::{self, JoinError, JoinGrant};
 use crate::line::Line;
@@ -58,8 +60,8 @@ pub struct Options {
     pub connect: String,
     /// The session to join.
     pub session: SessionId,
-    /// The server, when several can be reached.
-    pub node: Option<NodeName>,
+    /// The realm that it belongs to.
+    pub realm: RealmName,
     /// Who holds the handle.
     pub operator: String,
     /// The server's token, when it asks for one.
@@ -130,7 +132,7 @@ type Freshening = Pin<Box<dyn Future<Output = Result<FreshReply, String>> + Send
 struct Rig {
     setup: DeviceSetup,
     ticker: Ticker,
-    ends: Ends,
+    ends: Ends<Engine>,
 }
 
 struct Run {
@@ -154,7 +156,9 @@ struct Run {
     /// Nothing is fetched before.
     refresh_from: Instant,
     /// Revision of the parameters that the tick works with.
-    revision: u16,
+    revision: u32,
+    /// What controllers for the present lease are made from.
+    context: Option<SchemeContext>,
     /// Time without a frame, as of the last record of the lease that is held.
     silence: Duration,
     /// Gets the lease whose server has gone.
@@ -191,6 +195,7 @@ impl Run {
             refreshing_for: 0,
             refresh_from: started,
             revision: 0,
+            context: None,
             silence: Duration::ZERO,
             gone: unbounded_channel(),
             link_state: (0, LinkState::NotYet, started),

@@ -3,6 +3,8 @@
 use std::time::Duration;
 
 use teleclay_bilateral::LinkState;
+use teleclay_link::scheme::handle_controller;
+use teleclay_proto::Scheme;
 use tokio::time::Instant;
 
 use super::{Failure, Run};
@@ -26,7 +28,7 @@ impl Run {
         let Some(rig) = &mut self.rig else {
             return Ok(());
         };
-        while rig.ends.discarded.pop().is_ok() {}
+        while rig.ends.done.pop().is_ok() {}
         let is_finished = rig.ticker.is_finished();
         let mut records = Vec::new();
         while let Ok(record) = rig.ends.records.pop() {
@@ -42,10 +44,25 @@ impl Run {
             let met = self.on_record(record);
             outcome = outcome.and(met);
         }
+        if let Some(record) = records.last() {
+            self.provide(record.lease, record.wanted.controller);
+        }
         match failure {
             Some(error) => Err(Failure::Device(error)),
             None if is_finished => outcome.and(Err(Failure::ThreadEnded)),
             None => outcome,
+        }
+    }
+
+    /// Makes a controller that the tick lacks, for the day when the session changes to its scheme.
+    fn provide(&mut self, lease: u32, scheme: Option<Scheme>) {
+        if let (Some(scheme), Some(context), Some(rig)) = (scheme, &self.context, &mut self.rig) {
+            // A full ring means that it will be asked for again.
+            let _ = rig.ends.orders.push(Order::Provide {
+                lease,
+                scheme,
+                controller: handle_controller(scheme, context),
+            });
         }
     }
 

@@ -10,7 +10,7 @@ use teleclay_handle::device::{
 use teleclay_handle::event::Event;
 use teleclay_handle::intent::Intent;
 use teleclay_handle::run::{Ending, OpenDevice, Options, Until};
-use teleclay_proto::SessionId;
+use teleclay_proto::{RealmName, SessionId};
 use teleclay_shell::Drift;
 use teleclay_shell::ticker::Scheduling;
 use tokio::sync::mpsc::{UnboundedReceiver, unbounded_channel};
@@ -139,7 +139,7 @@ impl Holder {
         let options = Options {
             connect: endpoint.to_owned(),
             session: SessionId::new("demo").expect("a name"),
-            node: None,
+            realm: RealmName::new("local").expect("a name"),
             operator: "Ada".to_owned(),
             token: Some("let me in".to_owned()),
             device: "recorder".to_owned(),

@@ -9,6 +9,7 @@ use teleclay_handle::run::Failure;
 use teleclay_handle::status::State;
 use teleclay_proto::PROTOCOL;
 use teleclay_proto::join::{FreshReply, JoinReply, JoinRequest, LoopParameters, RefusalCode};
+use teleclay_proto::keys::Leaf;
 
 use super::PATIENCE;
 use super::holder::{Holder, Quirks};
@@ -21,7 +22,7 @@ async fn a_handle_joins_feels_and_leaves() {
     let presence = server
         .slow
         .liveliness()
-        .declare_subscriber(keys("lab").every_operator())
+        .declare_subscriber(keys().key(Leaf::Operator(7)))
         .await
         .unwrap();
     let mut holder = Holder::start(&endpoint, Quirks::default());
@@ -48,7 +49,7 @@ async fn a_handle_joins_feels_and_leaves() {
         .await
         .expect("it shows")
         .unwrap();
-    assert_eq!(token.key_expr().as_str(), keys("lab").operator(7));
+    assert_eq!(token.key_expr().as_str(), keys().operator(7));
     holder
         .feels("the whole push", |status| {
             (status.felt_force_n[0] + PUSH_N).abs() < 1e-9
@@ -150,7 +151,7 @@ async fn an_answer_that_cannot_be_used_is_named_and_nothing_is_built_from_it() {
             "shape": {"kind": "block", "size_m": [0.128, 0.064, 0.064]}, "voxel_size_m": 5e-4, "epoch": 1, "revision": 0,
         });
         serde_json::json!({
-            "outcome": "granted", "lease": 1, "tool": 1, "lease_s": 5.0, "parameters": granted, "clay": clay, "slow_endpoint": null,
+            "outcome": "granted", "lease": 1, "ownership_epoch": 1, "node": "lab", "tool": 1, "lease_s": 5.0, "parameters": granted, "clay": clay, "slow_endpoint": null,
         })
     };
     for (answer, complaint) in [
@@ -202,7 +203,7 @@ async fn a_handle_waits_for_its_server() {
     let mut holder = Holder::start(&endpoint, Quirks::default());
     holder
         .tells("waiting", |event| {
-            matches!(event, Event::Waiting { nodes, .. } if nodes.is_empty()).then_some(())
+            matches!(event, Event::Waiting { others, .. } if others.is_empty()).then_some(())
         })
         .await;
     let _server = Server::start(&endpoint, &["lab"], 1).await;

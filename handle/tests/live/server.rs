@@ -16,7 +16,7 @@ use teleclay_proto::join::{
     LeaveRequest, LoopParameters,
 };
 use teleclay_proto::keys::SessionKeys;
-use teleclay_proto::{NodeName, Scheme, SessionId};
+use teleclay_proto::{NodeName, RealmName, Scheme, SessionId};
 use teleclay_shell::Clock;
 use teleclay_shell::network::{self, CONTROL_QOS, Endpoints};
 use tokio::sync::mpsc::{UnboundedReceiver, UnboundedSender, unbounded_channel};
@@ -89,9 +89,9 @@ pub(crate) fn parameters() -> LoopParameters {
     }
 }
 
-pub(crate) fn keys(node: &str) -> SessionKeys {
+pub(crate) fn keys() -> SessionKeys {
     SessionKeys::new(
-        NodeName::new(node).expect("a name"),
+        RealmName::new("local").expect("a name"),
         SessionId::new("demo").expect("a name"),
     )
 }
@@ -111,7 +111,7 @@ pub(crate) fn free_endpoint() -> String {
 }
 
 impl Server {
-    /// Session `demo` on each of these nodes; leases count from `first_lease`.
+    /// Session `demo`, as each of these nodes runs it; leases count from `first_lease`.
     pub(crate) async fn start(endpoint: &str, nodes: &[&str], first_lease: u32) -> Self {
         Self::start_with(endpoint, nodes, first_lease, parameters()).await
     }
@@ -141,7 +141,8 @@ impl Server {
         let (mut queryables, mut subscribers) = (Vec::new(), Vec::new());
         for node in nodes {
             let served = ServedSession {
-                keys: keys(node),
+                keys: keys(),
+                node: NodeName::new(*node).expect("a name"),
                 mood: Arc::clone(&mood),
                 saw: saw.clone(),
                 next_lease: Arc::clone(&next_lease),
@@ -205,6 +206,7 @@ fn listening(endpoint: &str) -> Endpoints {
 #[derive(Clone)]
 struct ServedSession {
     keys: SessionKeys,
+    node: NodeName,
     mood: Arc<Mood>,
     saw: UnboundedSender<Seen>,
     next_lease: Arc<AtomicU32>,
@@ -243,6 +245,8 @@ impl ServedSession {
         self.lease.store(lease, Ordering::Relaxed);
         bytes(&JoinReply::Granted(Box::new(Granted {
             lease,
+            ownership_epoch: 1,
+            node: self.node.clone(),
             tool: TOOL,
             lease_s: 5.0,
             parameters,
@@ -336,6 +340,7 @@ impl Tool {
             ..ToolFrame::default()
         };
         answer.header.lease = lease;
+        answer.header.ownership_epoch = frame.header.ownership_epoch;
         answer.header.sequence = self.sequence;
         answer.header.scheme = frame.header.scheme;
         answer.header.sent_ns = self.clock.now_ns();

@@ -43,20 +43,20 @@ words! {
     }
 }
 
-/// The frame from the handle to the tool side, one each tick. `268 + 28 n` bytes with `n` sweeps.
+/// The frame from the handle to the tool side, one each tick. `276 + 28 n` bytes with `n` sweeps.
 ///
 /// ```text
-///   0        40           64             88              112             136    160             184
+///   0        48           72             96              120             144    168             192
 ///   +--------+------------+--------------+---------------+---------------+------+---------------+-------------+
 ///   | header | position_m | velocity_m_s | hand_force_n  | felt_force_n  | wave | wave_integral | energy_in_j |
 ///   |        | f64x3      | f64x3        | f64x3         | f64x3         | f64x3| f64x3         | f64x3       |
 ///   +--------+------------+--------------+---------------+---------------+------+---------------+-------------+
-///   208         216                   220    221    224           260
+///   216         224                   228    229    232           268
 ///   +-----------+---------------------+------+------+-------------+
 ///   | clay_hash | relayed_acknowledged| copy | zero | 36 bytes of |
 ///   |    u64    |         u32         |  u8  | u8x3 | corrections |
 ///   +-----------+---------------------+------+------+-------------+
-///   260                     264     265    268
+///   268                     272     273    276
 ///   +-----------------------+-------+------+------------------+
 ///   | oldest_unacknowledged | count | zero | count x 28 bytes |
 ///   |          u32          |  u8   | u8x3 | sweeps           |

@@ -4,8 +4,8 @@ use super::{MAGIC, VERSION};
 use crate::bytes::{Reader, Writer};
 use crate::{FrameError, Scheme};
 
-/// Bytes of the header, the state byte at its end included.
-pub(super) const LENGTH: usize = 40;
+/// Bytes of the header, the state byte near its end included.
+pub(super) const LENGTH: usize = 48;
 
 /// What both frames begin with: who speaks, when, and under which parameters.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -22,10 +22,12 @@ pub struct Header {
     pub echo_hold_ns: u32,
     /// The scheme this side runs.
     pub scheme: Scheme,
-    /// Revision of the loop's parameters that this side runs.
-    pub revision: u16,
+    /// Counts the changes of the session, modulo 2³²: the one that the tool side is at, and up, the newest that the handle has heard of.
+    pub revision: u32,
     /// Counts the fresh blocks of clay: sweeps of an earlier epoch cut clay that is gone.
     pub clay_epoch: u32,
+    /// Counts the servers that have run the session: what is meant for an earlier one does not concern the present one.
+    pub ownership_epoch: u32,
 }
 
 impl Header {
@@ -38,8 +40,9 @@ impl Header {
         writer.put(self.sent_ns.to_le_bytes());
         writer.put(self.echo_ns.to_le_bytes());
         writer.put(self.clay_epoch.to_le_bytes());
+        writer.put(self.ownership_epoch.to_le_bytes());
         writer.put(self.revision.to_le_bytes());
-        writer.put([self.scheme.byte(), state]);
+        writer.put([self.scheme.byte(), state, 0, 0]);
     }
 
     /// The header and the state byte that follows it.
@@ -68,8 +71,11 @@ impl Header {
         let sent_ns = reader.u64()?;
         let echo_ns = reader.u64()?;
         let clay_epoch = reader.u32()?;
-        let revision = reader.u16()?;
+        let ownership_epoch = reader.u32()?;
+        let revision = reader.u32()?;
         let scheme = Scheme::from_byte(reader.u8()?)?;
+        let state = reader.u8()?;
+        reader.zeros::<2>("header")?;
         let header = Self {
             lease,
             sequence,
@@ -79,7 +85,8 @@ impl Header {
             scheme,
             revision,
             clay_epoch,
+            ownership_epoch,
         };
-        Ok((header, reader.u8()?))
+        Ok((header, state))
     }
 }

@@ -1,13 +1,18 @@
 //! The frames of the control loop: one [`HandleFrame`] up and one [`ToolFrame`] down every tick.
 //!
-//! Every frame starts with the same 40 bytes; numbers are little-endian, offsets are fixed and floats are aligned to their size:
+//! Every frame starts with the same 48 bytes; numbers are little-endian, offsets are fixed and floats are aligned to their size:
 //!
 //! ```text
-//!  0      2       3      4       8          12              16        24        32           36         38       39
-//!  +------+-------+------+-------+----------+---------------+---------+---------+------------+----------+--------+-------+
-//!  | "TF" |version| kind | lease | sequence | echo_hold_ns  | sent_ns | echo_ns | clay_epoch | revision | scheme | state |
-//!  | u8x2 |  u8   |  u8  |  u32  |   u32    |     u32       |   u64   |   u64   |    u32     |   u16    |   u8   |  u8   |
-//!  +------+-------+------+-------+----------+---------------+---------+---------+------------+----------+--------+-------+
+//!  0      2       3      4       8          12             16        24        32
+//!  +------+-------+------+-------+----------+--------------+---------+---------+
+//!  | "TF" |version| kind | lease | sequence | echo_hold_ns | sent_ns | echo_ns |
+//!  | u8x2 |  u8   |  u8  |  u32  |   u32    |     u32      |   u64   |   u64   |
+//!  +------+-------+------+-------+----------+--------------+---------+---------+
+//!  32           36                40         44       45      46     48
+//!  +------------+-----------------+----------+--------+-------+------+
+//!  | clay_epoch | ownership_epoch | revision | scheme | state | zero |
+//!  |    u32     |       u32       |   u32    |   u8   |  u8   | u8x2 |
+//!  +------------+-----------------+----------+--------+-------+------+
 //! ```
 //!
 //! `state` is the [`Engagement`] in a handle frame and the [`LoopStatus`] in a tool frame.

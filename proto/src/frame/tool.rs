@@ -1,5 +1,8 @@
 //! The frame that comes down: what the tool meets.
 
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
 use super::{Header, KIND_TOOL, MAX_FRAME, Sweeps, header, sweeps};
 use crate::FrameError;
 use crate::bytes::{Reader, Writer};
@@ -26,7 +29,8 @@ words! {
 
 words! {
     /// Why the server did not merge a sweep.
-    #[derive(Default)]
+    #[derive(Default, Serialize, Deserialize, ToSchema)]
+    #[serde(rename_all = "snake_case")]
     pub enum SweepRefusal: "sweep refusal" {
         /// No sweep has been refused.
         #[default]
@@ -35,7 +39,7 @@ words! {
         OutOfReach = 1 "out_of_reach",
         /// From pose to pose in one tick would be faster than the speed limit.
         TooFast = 2 "too_fast",
-        /// The tool belongs to another lease.
+        /// The frame that carried it was meant for an earlier server of the session.
         WrongOwner = 3 "wrong_owner",
         /// The sweep cut an earlier block of clay.
         WrongEpoch = 4 "wrong_epoch",
@@ -46,20 +50,20 @@ words! {
     }
 }
 
-/// The frame from the tool side to the handle, one each tick. `224 + 28 n` bytes with `n` relayed sweeps.
+/// The frame from the tool side to the handle, one each tick. `232 + 28 n` bytes with `n` relayed sweeps.
 ///
 /// ```text
-///   0        40           64             88        112    136             160
+///   0        48           72             96        120    144             168
 ///   +--------+------------+--------------+---------+------+---------------+-------------+
 ///   | header | position_m | velocity_m_s | force_n | wave | wave_integral | energy_in_j |
 ///   |        | f64x3      | f64x3        | f64x3   | f64x3| f64x3         | f64x3       |
 ///   +--------+------------+--------------+---------+------+---------------+-------------+
-///   184               192         200                   204              208       209       216
+///   192               200         208                   212              216       217       224
 ///   +-----------------+-----------+---------------------+----------------+---------+---------+
 ///   | engaged_area_m2 | clay_hash | sweeps_acknowledged | sweeps_refused | refusal | zero    |
 ///   |       f64       |    u64    |         u32         |      u32       |   u8    | u8x7    |
 ///   +-----------------+-----------+---------------------+----------------+---------+---------+
-///   216                     220     221    224
+///   224                     228     229    232
 ///   +-----------------------+-------+------+------------------+
 ///   | oldest_unacknowledged | count | zero | count x 28 bytes |
 ///   |          u32          |  u8   | u8x3 | relayed sweeps   |

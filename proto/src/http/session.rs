@@ -7,7 +7,7 @@ use super::{
     Axes, ClayHash, ClayShape, ClaySpec, FieldError, Material, Network, Scheme, SessionId,
     ToolDescription, Validate, check,
 };
-use crate::frame::CopyState;
+use crate::frame::{CopyState, SweepRefusal};
 
 /// Most operators of one session.
 pub const MAX_TOOLS: u8 = 8;
@@ -91,6 +91,8 @@ const fn one() -> u8 {
 pub struct Session {
     /// Its name.
     pub id: SessionId,
+    /// Counts the changes of the session. In the answer to a change: the revision that it made.
+    pub revision: u64,
     /// The law that couples handle and tool.
     pub scheme: Scheme,
     /// How many axes move.
@@ -163,13 +165,13 @@ pub struct ClayState {
     pub epoch: u32,
 }
 
-/// A tool and the operator who holds it.
+/// A tool, and the operator who holds it if anybody does.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ToolState {
     /// Its number within the session, from 1.
     pub id: u32,
-    /// Who holds it; empty when nobody has yet.
+    /// Who holds it; empty when it is free.
     pub operator: String,
     /// Whether frames come in.
     pub connected: bool,
@@ -191,6 +193,8 @@ pub struct ToolState {
     pub hidden_force_n: [f64; 3],
     /// Cuts of this operator that the server did not take, since joining.
     pub sweeps_refused: u32,
+    /// Why the newest of these was not taken; `none` where every one was.
+    pub refusal: SweepRefusal,
     /// What corrections of the copy have done to the hand.
     pub corrections: CorrectionsState,
 }
@@ -217,19 +221,19 @@ pub struct CorrectionsState {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LoopState {
-    /// Ticks per second that the loop aims at.
+    /// Ticks per second, counted over the last second or two; the loop aims at 1000.
     pub rate_hz: f64,
     /// Ticks since the session began.
     pub ticks: u64,
-    /// Ticks that started more than half a tick late.
+    /// Ticks of the server's loop that started more than a whole tick after their time, since the server started.
     pub late_ticks: u64,
-    /// What a tick takes to compute, s.
+    /// What a tick of all sessions together takes to compute, s.
     pub tick_s: TickQuantiles,
     /// Round trip, s.
     pub rtt_s: Quantiles,
     /// Age of the newest frame whenever a tick used it, s.
     pub age_s: Quantiles,
-    /// Frames from handles that never came.
+    /// Frames from handles that had not come 128 frames later, since the session began.
     pub lost: u64,
     /// Frames from handles that came more than once.
     pub duplicates: u64,
@@ -245,7 +249,7 @@ pub struct LoopState {
     pub scheduler: String,
 }
 
-/// Quantiles of the last few seconds; zeros before the first sample.
+/// Quantiles of the last 5 to 10 seconds; zeros before the first sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Quantiles {
@@ -255,7 +259,7 @@ pub struct Quantiles {
     pub p99: f64,
 }
 
-/// Quantiles since the session began; zeros before the first sample.
+/// Quantiles of the last 5 to 10 seconds; zeros before the first sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TickQuantiles {

@@ -31,6 +31,7 @@ pub(crate) fn change_failure(error: ChangeError, id: &SessionId) -> Failure {
     match error {
         ChangeError::Field(error) => error.into(),
         ChangeError::Gone => no_such_session(id),
+        ChangeError::Refused(refusal) => NO_ANSWER.because(format!("session {id}: {refusal}")),
         ChangeError::Timeout => {
             NO_ANSWER.because(format!("session {id} did not take the change up"))
         }
@@ -145,7 +146,7 @@ async fn reset(
     Found { id, live }: Found,
     Checked(reset): Checked<ClayReset>,
 ) -> Result<Json<Session>, Failure> {
-    see_through(async move { live.reset(reset).await })
+    see_through(async move { live.reset(reset, None).await })
         .await?
         .map(Json)
         .map_err(|error| change_failure(error, &id))

@@ -1,32 +1,30 @@
-//! The directory: which sessions there are, and every way to change one. The API and Zenoh both come here.
-//!
-//! A change is an order to the tick, and is done when the tick has carried it out.
+//! The directory: which sessions there are, and the way to each. The API and Zenoh both come here. It knows no rule of a session: those are in
+//! `crates/session`.
 
 mod live;
 mod orders;
 
 use std::collections::HashMap;
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::mpsc::Sender;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use rtrb::Producer;
-use teleclay_bilateral::SessionLoop;
-use teleclay_proto::http::{FieldError, NewSession, Readiness, Session, Validate};
+use teleclay_proto::http::{FieldError, NewSession, Readiness, Session as SessionJson};
 use teleclay_proto::join::{Granted, JoinRequest, RefusalCode};
 use teleclay_proto::watch::Level;
-use teleclay_proto::{PROTOCOL, SessionId};
+use teleclay_proto::{NodeName, PROTOCOL, SessionId};
+use teleclay_session::{Rules, Session, SessionSetup, Settings};
+use tokio::sync::watch;
 
-use crate::collector::{Finding, LoopStats, Notice, notify};
-use crate::convert;
-use crate::engine::{Incoming, MAX_SESSIONS, MAX_TOOLS, Order, Running, Shared};
+use crate::collector::{LoopStats, Notice, notify};
+use crate::engine::{Answer, FramesIn, MAX_SESSIONS, Order, Running, Task};
 use crate::session::SessionShared;
 
 pub use live::{ClayView, Live};
 pub use orders::ChangeError;
 
-use live::build_clay;
 use orders::Orders;
 
 /// The loop is called running when it ticked within this time.
@@ -69,28 +67,31 @@ pub struct Directory(Arc<Inner>);
 
 struct Inner {
     sessions: Mutex<HashMap<SessionId, Entry>>,
+    /// Counts the sessions that came and went.
+    changes: watch::Sender<u64>,
     orders: Orders,
     loop_stats: Arc<Mutex<LoopStats>>,
     notices: Sender<Notice>,
     scheduler: std::sync::OnceLock<String>,
-    zenoh_is_up: std::sync::atomic::AtomicBool,
+    zenoh_is_up: AtomicBool,
     next_number: AtomicU32,
-    next_lease: AtomicU32,
+    first_lease: u32,
+    node: NodeName,
     token: Option<String>,
     slow_endpoint: Option<String>,
 }
 
 struct Entry {
     live: Live,
-    frames: Arc<Mutex<Producer<Incoming>>>,
+    frames: FramesIn,
 }
 
 /// What the directory is made of.
 pub(crate) struct Parts {
-    pub(crate) orders: Producer<Order>,
-    pub(crate) shared: Arc<Shared>,
+    pub(crate) orders: Producer<Box<Order>>,
     pub(crate) loop_stats: Arc<Mutex<LoopStats>>,
     pub(crate) notices: Sender<Notice>,
+    pub(crate) node: NodeName,
     pub(crate) token: Option<String>,
     pub(crate) slow_endpoint: Option<String>,
 }
@@ -102,13 +103,15 @@ impl Directory {
         let first_lease = seed.map_or(1, |since| (since.as_millis() as u32) | 1);
         Self(Arc::new(Inner {
             sessions: Mutex::new(HashMap::new()),
-            orders: Orders::new(parts.orders, parts.shared),
+            changes: watch::Sender::new(0),
+            orders: Orders::new(parts.orders),
             loop_stats: parts.loop_stats,
             notices: parts.notices,
             scheduler: std::sync::OnceLock::new(),
-            zenoh_is_up: std::sync::atomic::AtomicBool::new(false),
+            zenoh_is_up: AtomicBool::new(false),
             next_number: AtomicU32::new(1),
-            next_lease: AtomicU32::new(first_lease),
+            first_lease,
+            node: parts.node,
             token: parts.token,
             slow_endpoint: parts.slow_endpoint,
         }))
@@ -125,15 +128,22 @@ impl Directory {
     }
 
     /// Every session, by name.
-    pub fn sessions(&self) -> Vec<Session> {
-        let mut lives: Vec<Live> = self
-            .0
-            .entries()
-            .values()
-            .map(|entry| entry.live.clone())
-            .collect();
-        lives.sort_by(|a, b| a.id().as_str().cmp(b.id().as_str()));
-        lives.iter().map(Live::state).collect()
+    pub fn sessions(&self) -> Vec<SessionJson> {
+        self.lives().iter().map(Live::state).collect()
+    }
+
+    /// Every session, by name, without its state.
+    pub(crate) fn lives(&self) -> Vec<Live> {
+        let entries = self.0.entries();
+        let mut lives: Vec<Live> = entries.values().map(|entry| entry.live.clone()).collect();
+        drop(entries);
+        lives.sort_by(|a, b| a.id().cmp(b.id()));
+        lives
+    }
+
+    /// Is told whenever a session has come or gone.
+    pub(crate) fn changes(&self) -> watch::Receiver<u64> {
+        self.0.changes.subscribe()
     }
 
     /// One session.
@@ -145,54 +155,53 @@ impl Directory {
     ///
     /// # Errors
     /// The name is taken, there are too many, a field cannot be, or the loop does not answer.
-    pub async fn create(&self, new: NewSession) -> Result<Session, CreateError> {
-        new.validate().map_err(CreateError::Field)?;
-        let spec = new.clone();
-        let built = tokio::task::spawn_blocking(move || build_clay(&spec.clay, &spec));
-        let (clay, mirror) = built
+    pub async fn create(&self, new: NewSession) -> Result<SessionJson, CreateError> {
+        self.0.find_room(&new.id)?;
+        let settings = Settings::new(new.clone()).map_err(CreateError::Field)?;
+        // A large block takes seconds.
+        let built = tokio::task::spawn_blocking(move || {
+            let block = settings.fresh_block()?;
+            Ok::<_, FieldError>((settings, block.clone(), block))
+        });
+        let (settings, mirror, clay) = built
             .await
             .map_err(|error| CreateError::Unavailable {
                 reason: error.to_string(),
             })?
             .map_err(|error| CreateError::Field(error.under("/clay")))?;
-        let material = convert::material(&new.material).map_err(CreateError::Field)?;
-        let number = self.0.next_number.fetch_add(1, Ordering::Relaxed);
-        let lines = convert::lines(&new.network);
-        let session = SessionLoop::new(
+        let session = Session::new(SessionSetup {
+            lines: settings.lines(),
+            settings,
             clay,
-            material,
-            usize::from(new.tools).min(MAX_TOOLS),
-            &lines,
-        );
+            rules: Rules::default(),
+            first_lease: self.0.first_lease,
+            ownership_epoch: 1,
+        });
+        let number = self.0.next_number.fetch_add(1, Ordering::Relaxed);
+        let shared = Arc::new(SessionShared::new(number, session.snapshot(), mirror));
         let (running, ends) = Running::new(number, session);
-        let shared = Arc::new(SessionShared::new(number, new.clone(), mirror));
         let live = Live::new(Arc::clone(&shared), Arc::downgrade(&self.0));
         {
             let mut sessions = self.0.entries();
-            if sessions.contains_key(&new.id) {
-                return Err(CreateError::Exists { id: new.id });
-            }
-            if MAX_SESSIONS <= sessions.len() {
-                return Err(CreateError::TooMany { most: MAX_SESSIONS });
-            }
-            let frames = Arc::new(Mutex::new(ends.frames));
+            find_room(&sessions, &new.id)?;
             sessions.insert(
                 new.id.clone(),
                 Entry {
                     live: live.clone(),
-                    frames,
+                    frames: Arc::new(Mutex::new(ends.frames)),
                 },
             );
         }
         notify(&self.0.notices, Notice::Added(shared, ends.bricks));
-        let done = self.0.order(Order::Add(running)).await;
-        if done.is_err() {
+        let added = self.0.orders.carry_out(Task::Add(Some(running))).await;
+        if !matches!(added, Ok(Answer::Done)) {
             self.0.entries().remove(&new.id);
             notify(&self.0.notices, Notice::Removed(number));
             return Err(CreateError::Unavailable {
                 reason: ChangeError::Timeout.to_string(),
             });
         }
+        self.0.changes.send_modify(|changes| *changes += 1);
         live.first_record().await;
         Ok(live.state())
     }
@@ -203,14 +212,17 @@ impl Directory {
     /// There is none of this name.
     pub async fn delete(&self, id: &SessionId) -> Result<(), NoSuchSession> {
         let entry = self.0.entries().remove(id).ok_or(NoSuchSession)?;
-        let session = entry.live.shared.number;
-        entry
-            .live
-            .shared
-            .emit(Level::Warning, "the session was deleted".to_owned());
-        notify(&self.0.notices, Notice::Removed(session));
+        let shared = &entry.live.shared;
+        // Handles hear of it first: they let go at once.
+        self.0.changes.send_modify(|changes| *changes += 1);
+        shared.emit(Level::Warning, "the session was deleted".to_owned());
+        notify(&self.0.notices, Notice::Removed(shared.number));
         // The session is out of the directory either way; a loop that is late only keeps it a little longer.
-        let _ = self.0.order(Order::Remove { session }).await;
+        let remove = Task::Remove {
+            session: shared.number,
+            removed: None,
+        };
+        let _ = self.0.orders.carry_out(remove).await;
         Ok(())
     }
 
@@ -232,7 +244,7 @@ impl Directory {
     }
 
     /// Ring into which frames of a session's handles go.
-    pub(crate) fn frames(&self, id: &SessionId) -> Option<Arc<Mutex<Producer<Incoming>>>> {
+    pub(crate) fn frames(&self, id: &SessionId) -> Option<FramesIn> {
         self.0
             .entries()
             .get(id)
@@ -247,19 +259,6 @@ impl Directory {
             .map(|entry| &entry.live)
             .find(|live| live.shared.number == number)
             .cloned()
-    }
-
-    /// Acts on what the collector found.
-    pub(crate) async fn act_on(&self, finding: Finding) {
-        let Finding::LeaseEnded {
-            session,
-            slot,
-            lease,
-            because,
-        } = finding;
-        if let Some(live) = self.live_by_number(session) {
-            live.end_lease(slot, lease, because).await;
-        }
     }
 
     /// Gives a tool to an operator.
@@ -311,9 +310,8 @@ impl Inner {
         self.sessions.lock().expect("no holder panics")
     }
 
-    /// Hands an order to the tick and waits until it is carried out.
-    async fn order(&self, order: Order) -> Result<(), ChangeError> {
-        self.orders.carry_out(order).await
+    fn find_room(&self, id: &SessionId) -> Result<(), CreateError> {
+        find_room(&self.entries(), id)
     }
 
     fn scheduler(&self) -> &str {
@@ -321,108 +319,12 @@ impl Inner {
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use std::sync::atomic::AtomicBool;
-    use std::time::Instant;
-
-    use teleclay_proto::Scheme;
-    use teleclay_proto::http::SessionPatch;
-    use teleclay_shell::Clock;
-    use teleclay_shell::ticker::Tick;
-
-    use crate::collector::{Collector, Sources};
-    use crate::engine::Engine;
-
-    /// Operators join just while somebody changes the scheme. Whichever comes first, the tool works with the session's scheme in the end.
-    #[test]
-    fn a_tool_that_is_seated_during_a_change_has_the_change() {
-        const ROUNDS: u32 = 150;
-        let (mut engine, ends) = Engine::new(Clock::start());
-        let (notices, notices_out) = std::sync::mpsc::channel();
-        let loop_stats = Arc::<Mutex<LoopStats>>::default();
-        let sources = Sources {
-            ticks: ends.ticks,
-            sessions: ends.sessions,
-            discarded: ends.discarded,
-            notices: notices_out,
-        };
-        let findings = tokio::sync::mpsc::unbounded_channel().0;
-        let _collector = Collector::spawn(sources, Arc::clone(&loop_stats), findings).unwrap();
-        let directory = Directory::new(Parts {
-            orders: ends.orders,
-            shared: ends.shared,
-            loop_stats,
-            notices,
-            token: None,
-            slow_endpoint: None,
-        });
-        // The tick, as fast as it goes, and the newest frame that left it.
-        let (mut outgoing, newest) = (ends.outgoing, Arc::new(Mutex::new((0, Scheme::Wave))));
-        let stop = Arc::new(AtomicBool::new(false));
-        let (seen, asked_to_stop) = (Arc::clone(&newest), Arc::clone(&stop));
-        let ticking = std::thread::spawn(move || {
-            for number in 0.. {
-                if asked_to_stop.load(Ordering::Relaxed) {
-                    return;
-                }
-                let lateness = Duration::ZERO;
-                engine.tick(Tick {
-                    number,
-                    lateness,
-                    given_up: 0,
-                });
-                while let Ok(out) = outgoing.pop() {
-                    *seen.lock().unwrap() = (out.frame.header.lease, out.frame.header.scheme);
-                }
-                std::thread::sleep(Duration::from_micros(100));
-            }
-        });
-        let runtime = tokio::runtime::Builder::new_multi_thread()
-            .worker_threads(2)
-            .enable_all()
-            .build()
-            .unwrap();
-        runtime.block_on(async {
-            let mut new = NewSession::new(id());
-            new.scheme = Scheme::Tdpa;
-            directory.create(new).await.unwrap();
-            let live = directory.session(&id()).unwrap();
-            for round in 0..ROUNDS {
-                let scheme = [Scheme::Wave, Scheme::Tdpa][round as usize % 2];
-                let patch = SessionPatch {
-                    scheme: Some(scheme),
-                    ..SessionPatch::default()
-                };
-                let request = JoinRequest {
-                    protocol: PROTOCOL,
-                    operator: "Ada".to_owned(),
-                    token: None,
-                    device: "none".to_owned(),
-                };
-                let (joining, changing) = (directory.clone(), live.clone());
-                let joined = tokio::spawn(async move { joining.join(&id(), &request).await });
-                let changed = tokio::spawn(async move { changing.patch(patch).await });
-                let lease = joined.await.unwrap().unwrap().lease;
-                changed.await.unwrap().unwrap();
-                let began = Instant::now();
-                while *newest.lock().unwrap() != (lease, scheme) {
-                    let last = *newest.lock().unwrap();
-                    assert!(
-                        began.elapsed() < Duration::from_secs(5),
-                        "round {round}: {last:?}, wanted {scheme}"
-                    );
-                    tokio::task::yield_now().await;
-                }
-                live.end_lease(0, lease, "left").await;
-            }
-        });
-        stop.store(true, Ordering::Relaxed);
-        ticking.join().unwrap();
+fn find_room(sessions: &HashMap<SessionId, Entry>, id: &SessionId) -> Result<(), CreateError> {
+    if sessions.contains_key(id) {
+        return Err(CreateError::Exists { id: id.clone() });
     }
-
-    fn id() -> SessionId {
-        "joins".parse().unwrap()
+    if MAX_SESSIONS <= sessions.len() {
+        return Err(CreateError::TooMany { most: MAX_SESSIONS });
     }
+    Ok(())
 }

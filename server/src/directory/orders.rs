@@ -1,23 +1,30 @@
 //! Orders to the tick, and the wait until they are carried out.
 
-use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex};
+use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
 use rtrb::Producer;
 use teleclay_proto::http::FieldError;
+use teleclay_session::{Outcome, Prepared, Refusal};
+use teleclay_shell::realtime::Claim;
+use tokio::sync::oneshot;
+use tokio::time::timeout;
 
-use crate::engine::{Order, Shared, TICK};
+use crate::engine::{Answer, Order, TICK, Task};
+use crate::session::Mirror;
 
 /// Longest wait for the tick to carry out an order. It takes one tick; this is for a machine that is badly overloaded.
 pub(super) const ORDER_TIMEOUT: Duration = Duration::from_secs(2);
 
-/// Why a session was not changed.
+/// Why a session was not changed. Nothing of the change has been carried out, and nothing of it will be.
 #[derive(Debug, thiserror::Error)]
 pub enum ChangeError {
     /// A field cannot be.
     #[error("{}: {}", .0.pointer, .0.detail)]
     Field(FieldError),
+    /// The session refuses, as things stand.
+    #[error(transparent)]
+    Refused(Refusal),
     /// The session is gone.
     #[error("the session is gone")]
     Gone,
@@ -26,45 +33,69 @@ pub enum ChangeError {
     Timeout,
 }
 
-/// The way to the tick.
-pub(super) struct Orders {
-    waiting: Mutex<Producer<Order>>,
-    sent: AtomicU64,
-    shared: Arc<Shared>,
+impl From<Refusal> for ChangeError {
+    fn from(refusal: Refusal) -> Self {
+        match refusal {
+            Refusal::Field(error) => Self::Field(error),
+            other => Self::Refused(other),
+        }
+    }
 }
 
+/// The way to the tick.
+pub(super) struct Orders(Mutex<Producer<Box<Order>>>);
+
 impl Orders {
-    pub(super) fn new(waiting: Producer<Order>, shared: Arc<Shared>) -> Self {
-        Self {
-            waiting: Mutex::new(waiting),
-            sent: AtomicU64::new(0),
-            shared,
+    pub(super) fn new(waiting: Producer<Box<Order>>) -> Self {
+        Self(Mutex::new(waiting))
+    }
+
+    /// Has the tick carry out a command of a session. When this returns, what it changed can be seen by everybody.
+    pub(super) async fn command(
+        &self,
+        session: u32,
+        prepared: Prepared,
+        mirror: Option<Mirror>,
+    ) -> Result<Outcome, ChangeError> {
+        let task = Task::Command {
+            session,
+            prepared,
+            mirror,
+        };
+        match self.carry_out(task).await? {
+            Answer::Command(outcome) => Ok(outcome?),
+            Answer::Undone | Answer::Done => Err(ChangeError::Gone),
         }
     }
 
-    /// Hands an order to the tick and waits until it is carried out.
-    pub(super) async fn carry_out(&self, order: Order) -> Result<(), ChangeError> {
+    /// Hands an order to the tick and waits until it is carried out. An order that is not carried out in time is taken back.
+    pub(super) async fn carry_out(&self, task: Task) -> Result<Answer, ChangeError> {
         let started = Instant::now();
-        let mut order = Some(order);
-        let number = loop {
-            {
-                let mut waiting = self.waiting.lock().expect("no holder panics");
-                match waiting.push(order.take().expect("taken once a round")) {
-                    Ok(()) => break self.sent.fetch_add(1, Ordering::Relaxed) + 1,
-                    Err(rtrb::PushError::Full(back)) => order = Some(back),
+        let claim = Claim::default();
+        let (reply, mut answer) = oneshot::channel();
+        let mut order = Some(Box::new(Order {
+            claim: claim.clone(),
+            task,
+            reply,
+            answer: Answer::Undone,
+        }));
+        while let Some(waiting) = order.take() {
+            let pushed = self.0.lock().expect("no holder panics").push(waiting);
+            if let Err(rtrb::PushError::Full(back)) = pushed {
+                if ORDER_TIMEOUT < started.elapsed() {
+                    return Err(ChangeError::Timeout);
                 }
+                order = Some(back);
+                tokio::time::sleep(TICK).await;
             }
-            if ORDER_TIMEOUT < started.elapsed() {
-                return Err(ChangeError::Timeout);
-            }
-            tokio::time::sleep(TICK).await;
-        };
-        while self.shared.orders_done.load(Ordering::Acquire) < number {
-            if ORDER_TIMEOUT < started.elapsed() {
-                return Err(ChangeError::Timeout);
-            }
-            tokio::time::sleep(TICK).await;
         }
-        Ok(())
+        if let Ok(answer) = timeout(ORDER_TIMEOUT, &mut answer).await {
+            return answer.map_err(|_| ChangeError::Gone);
+        }
+        if claim.take_back() {
+            return Err(ChangeError::Timeout);
+        }
+        // It was carried out just now: the answer is on its way.
+        answer.await.map_err(|_| ChangeError::Gone)
     }
 }

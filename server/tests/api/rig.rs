@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
-use teleclay_proto::NodeName;
+use teleclay_proto::{NodeName, RealmName};
 use teleclay_server::api::{self, ApiConfig};
 use teleclay_server::directory::Directory;
 use teleclay_server::settings::Settings;
@@ -47,6 +47,7 @@ impl Rig {
             .build()
             .unwrap();
         let settings = Settings {
+            realm: RealmName::new("local").unwrap(),
             listen: loopback(),
             zenoh_control: "tcp/127.0.0.1:0".to_owned(),
             zenoh_slow: "tcp/127.0.0.1:0".to_owned(),

@@ -5,12 +5,12 @@
 
 use std::time::Duration;
 
-use teleclay_bilateral::Lines;
 use teleclay_clay::{Clay, Mesh, Pose, Shape, SteppedBlock, Sweep, ToolShape};
 use teleclay_link::conditioner::Impairment;
 use teleclay_operator::{Intent, Reach};
 use teleclay_proto::join::LoopParameters;
 use teleclay_proto::{Axes, Scheme, ToolDescription};
+use teleclay_session::Lines;
 use teleclay_sim::rig::{Rig, Setup};
 
 /// A digest's name, and how it is worked out.

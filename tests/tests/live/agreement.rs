@@ -6,12 +6,13 @@
 use std::time::Duration;
 
 use serde_json::json;
-use teleclay_bilateral::{Lines, clay_shape};
+use teleclay_bilateral::clay_shape;
 use teleclay_clay::Clay;
 use teleclay_operator::{Intent, Waypoint};
 use teleclay_proto::Scheme;
 use teleclay_proto::http::Session;
 use teleclay_proto::join::LoopParameters;
+use teleclay_session::Lines;
 use teleclay_sim::rig::{Rig, Setup};
 use teleclay_tests::process::PATIENCE;
 use teleclay_tests::recording::{Row, norm};

@@ -374,7 +374,7 @@ fn across_two_hosts_the_replica_loses_nothing_either() {
         let ports = Ports::free().unwrap();
         let server = Server::start_on(namespaces::SERVER, ports, Transport::Udp).unwrap();
         let config = Config {
-            listen: ([127, 0, 0, 1], 7447).into(),
+            listen: ([127, 0, 0, 1], 7547).into(),
             to: server.zenoh_address(),
             seed: 16,
             up: Line::default(),

@@ -5,7 +5,7 @@ use teleclay_tests::process::PATIENCE;
 use teleclay_tests::recording::norm;
 use teleclay_tests::stage::{DEMO, Handle, HandleOptions, Server};
 
-use super::endings::cuts;
+use super::endings::{cuts, held};
 
 #[test]
 fn two_operators_hold_two_tools_and_a_third_is_refused_with_the_reason() {
@@ -55,11 +55,12 @@ fn two_operators_hold_two_tools_and_a_third_is_refused_with_the_reason() {
     assert!(ada.process.end().unwrap().success());
     let room = client
         .session_when("shared", "Ada's slot", PATIENCE, |session| {
-            session.tools.len() == 1
+            held(session).len() == 1
         })
         .unwrap();
-    assert_eq!(room.tools[0].operator, "Bob");
-    assert!(room.tools[0].connected, "Bob goes on");
+    assert_eq!(room.tools[1].operator, "Bob");
+    assert!(room.tools[1].connected, "Bob goes on");
+    assert_eq!(room.tools.len(), 2, "a free tool is shown, too");
 }
 
 /// The volume balance holds at every look of every test here, see the client; this one looks as often as it can, over several blocks.

@@ -6,7 +6,7 @@ use serde_json::json;
 use teleclay_proto::frame::{Engagement, HandleFrame, MAX_FRAME};
 use teleclay_proto::http::SessionState;
 use teleclay_proto::keys::SessionKeys;
-use teleclay_proto::{NodeName, SessionId};
+use teleclay_proto::{RealmName, SessionId};
 use teleclay_shell::network::{CONTROL_QOS, Endpoints, open};
 use teleclay_tests::process::{PATIENCE, wait_for};
 use teleclay_tests::recording::greatest_force_step_n;
@@ -54,7 +54,7 @@ async fn inject(endpoint: &str, lease: u32, sequence: u32) -> zenoh::Session {
     };
     let session = open(&endpoints).await.unwrap();
     let keys = SessionKeys::new(
-        NodeName::new("local").unwrap(),
+        RealmName::new("local").unwrap(),
         SessionId::new(DEMO).unwrap(),
     );
     let (congestion, priority, express, reliability) = CONTROL_QOS;
@@ -72,6 +72,7 @@ async fn inject(endpoint: &str, lease: u32, sequence: u32) -> zenoh::Session {
         ..HandleFrame::default()
     };
     frame.header.lease = lease;
+    frame.header.ownership_epoch = 1;
     frame.header.sent_ns = 1;
     frame.header.sequence = sequence;
     let mut buffer = [0; MAX_FRAME];

@@ -116,7 +116,7 @@ impl FromStr for ZenohEndpoint {
 
     fn from_str(text: &str) -> Result<Self, String> {
         let wanted =
-            || format!("{text:?} is no endpoint such as tcp/127.0.0.1:7447 or udp/127.0.0.1:7447");
+            || format!("{text:?} is no endpoint such as tcp/127.0.0.1:7547 or udp/127.0.0.1:7547");
         let (transport, address) = text.split_once('/').ok_or_else(wanted)?;
         let transport = match transport {
             "tcp" => Transport::Tcp,
@@ -211,10 +211,10 @@ mod tests {
 
     #[test]
     fn every_address_is_reached_over_loopback() {
-        let endpoint: ZenohEndpoint = "tcp/0.0.0.0:7447".parse().unwrap();
-        assert_eq!(endpoint.reachable(), "tcp/127.0.0.1:7447");
-        let endpoint: ZenohEndpoint = "udp/[::]:7447".parse().unwrap();
-        assert_eq!(endpoint.reachable(), "udp/[::1]:7447");
+        let endpoint: ZenohEndpoint = "tcp/0.0.0.0:7547".parse().unwrap();
+        assert_eq!(endpoint.reachable(), "tcp/127.0.0.1:7547");
+        let endpoint: ZenohEndpoint = "udp/[::]:7547".parse().unwrap();
+        assert_eq!(endpoint.reachable(), "udp/[::1]:7547");
         let address: HttpAddress = "192.0.2.7:80".parse().unwrap();
         assert_eq!(address.reachable().to_string(), "192.0.2.7:80");
     }
@@ -229,14 +229,14 @@ mod tests {
             );
         }
         for wrong in [
-            "127.0.0.1:7447",
-            "tpc/127.0.0.1:7447",
+            "127.0.0.1:7547",
+            "tpc/127.0.0.1:7547",
             "tcp/127.0.0.1",
             "tcp/127.0.0.1:0",
         ] {
             let error = wrong.parse::<ZenohEndpoint>().unwrap_err();
             assert!(
-                error.contains("tcp/127.0.0.1:7447") && error.contains(wrong),
+                error.contains("tcp/127.0.0.1:7547") && error.contains(wrong),
                 "{error}"
             );
         }

@@ -41,7 +41,7 @@ pub(crate) struct Options {
     #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:8080")]
     listen: HttpAddress,
     /// Where handle and server meet
-    #[arg(long, value_name = "ENDPOINT", default_value = "tcp/127.0.0.1:7447")]
+    #[arg(long, value_name = "ENDPOINT", default_value = "tcp/127.0.0.1:7547")]
     zenoh_listen: ZenohEndpoint,
     /// What the simulated operator does, as `teleclay-handle --intent`
     #[arg(long, default_value = "cutting")]

@@ -28,19 +28,20 @@ pub mod wave;
 use std::sync::Arc;
 use std::time::Duration;
 
+use teleclay_clay::Clay;
 use teleclay_control::DiscreteStateSpace;
 use teleclay_proto::Scheme;
-use teleclay_proto::frame::{HandleFrame, ToolFrame};
+use teleclay_proto::frame::{CopyState, HandleFrame, ToolFrame};
 
 use crate::Vec3;
 use crate::time::Timestamp;
 
 use crate::deadband::Signal;
 use crate::motion_limiter::Recovery;
-use crate::replica::{Cut, ToolSetup};
+use crate::replica::{Copy, Cut, SweepLog, ToolSetup};
 use force_exchange::{ForceExchangeHandle, ForceExchangeTool};
 use position_force::{PositionForceHandle, PositionForceTool};
-use replica::{Generation, MergeContext, Merged, ReplicaHandle, ReplicaTool};
+use replica::{MergeContext, Merged, ReplicaHandle, ReplicaTool, Snapshot, WantedSnapshot};
 use tdpa::{TdpaHandle, TdpaTool};
 use wave::{WaveHandle, WaveTool};
 
@@ -110,6 +111,15 @@ impl Coupling {
     }
 }
 
+/// From when on frames are meant for a scheme's controller, and which clay they cut.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Generation {
+    /// Revision of the session from which on frames are of this generation.
+    pub since_revision: u32,
+    /// The block of clay: sweeps of another one cut clay that is gone.
+    pub epoch: u32,
+}
+
 /// A scheme's controller at the handle.
 pub trait HandleController: Send {
     /// A frame newer than all before it came.
@@ -140,19 +150,52 @@ pub trait HandleController: Send {
     /// The frame went out, just as it was filled last.
     fn on_sent(&mut self, _frame: &HandleFrame) {}
 
-    /// The controller itself, where it keeps a copy of the clay.
-    fn replica(&self) -> Option<&ReplicaHandle> {
+    /// The copy of the clay that is felt here, where the scheme keeps one.
+    fn clay_copy(&self) -> Option<&dyn ClayCopy> {
         None
     }
 
     /// Likewise, to give it a snapshot.
-    fn replica_mut(&mut self) -> Option<&mut ReplicaHandle> {
+    fn clay_copy_mut(&mut self) -> Option<&mut dyn ClayCopy> {
         None
     }
 }
 
+/// What a scheme can do that keeps a copy of the clay at the handle's side.
+pub trait ClayCopy {
+    /// What the copy is good for.
+    fn state(&self) -> CopyState;
+
+    /// The copy, once a snapshot has come.
+    fn copy(&self) -> Option<&Copy>;
+
+    /// The sweeps made here.
+    fn log(&self) -> &SweepLog;
+
+    /// The snapshot that the shell should ask the server for, until it has come. A new number is a new request.
+    fn wanted_snapshot(&self) -> Option<WantedSnapshot>;
+
+    /// A snapshot came. What it replaces, or the snapshot itself if it shows another block, waits to be dropped elsewhere, see
+    /// [`ClayCopy::poll_retired`].
+    fn handle_snapshot(&mut self, snapshot: Snapshot);
+
+    /// Another tool, another place, or other clay, from now on.
+    fn move_to(&mut self, setup: &Arc<ToolSetup>);
+
+    /// Clay that is not needed any more, to be dropped where that costs nobody a tick.
+    fn poll_retired(&mut self) -> Option<Box<Clay>>;
+}
+
 /// A scheme's controller at the tool.
 pub trait ToolController: Send {
+    /// Frames of this generation and later ones are meant for this controller.
+    fn begin(&mut self, _generation: Generation) {}
+
+    /// Whether everything that the handle is known to have cut has been merged.
+    fn has_merged_all(&self) -> bool {
+        true
+    }
+
     /// A frame newer than all before it came.
     fn on_frame(&mut self, now: Timestamp, frame: &HandleFrame);
 
@@ -231,23 +274,15 @@ pub fn handle_controller(scheme: Scheme, context: &SchemeContext) -> Box<dyn Han
     }
 }
 
-/// The tool's controller of a scheme, at rest with the handle at home.
-pub fn tool_controller(
-    scheme: Scheme,
-    context: &SchemeContext,
-    generation: Generation,
-) -> Box<dyn ToolController> {
+/// The tool's controller of a scheme, at rest with the handle at home. Which frames are meant for it [`ToolController::begin`] says.
+pub fn tool_controller(scheme: Scheme, context: &SchemeContext) -> Box<dyn ToolController> {
     let coupling = context.coupling.clone();
     match scheme {
         Scheme::ForceExchange => Box::new(ForceExchangeTool::new(coupling)),
         Scheme::PositionForce => Box::new(PositionForceTool::new(&coupling)),
         Scheme::Wave => Box::new(WaveTool::new(coupling)),
         Scheme::Tdpa => Box::new(TdpaTool::new(coupling)),
-        Scheme::Replica => Box::new(ReplicaTool::new(
-            coupling,
-            Arc::clone(&context.setup),
-            generation,
-        )),
+        Scheme::Replica => Box::new(ReplicaTool::new(coupling, Arc::clone(&context.setup))),
     }
 }
 

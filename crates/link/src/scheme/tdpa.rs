@@ -239,11 +239,11 @@ impl ToolController for TdpaTool {
     }
 
     fn reindex(&mut self, handle_position: Vec3) {
-        *self = Self {
-            handle_position,
-            reference: handle_position * self.coupling.position_ratio,
-            ..Self::new(self.coupling.clone())
-        };
+        self.handle_position = handle_position;
+        self.handle_velocity = Vec3::zeros();
+        self.held_s = 0.0;
+        self.reference = handle_position * self.coupling.position_ratio;
+        self.energy = [PortEnergy::NONE; 3];
     }
 
     fn recovery(&self) -> Recovery {

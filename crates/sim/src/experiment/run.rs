@@ -11,7 +11,7 @@ use super::feasible::TICK_S;
 use super::record::{Plateau, Recorder, Sample, Trace, Window};
 use super::{CuttingExperiment, LONGEST_S, Push, Refusal};
 use crate::rig::{Rig, RigError, Setup};
-use teleclay_bilateral::Lines;
+use teleclay_session::Lines;
 
 /// Ticks between two reports of progress.
 const REPORT_TICKS: u64 = 100;

@@ -3,12 +3,12 @@
 
 use std::time::Duration;
 
-use teleclay_bilateral::Lines;
 use teleclay_clay::{Clay, Shape};
 use teleclay_link::conditioner::{Bursts, Impairment, Outages};
 use teleclay_operator::{Intent, Reach};
 use teleclay_proto::join::LoopParameters;
 use teleclay_proto::{Material, Scheme, ToolDescription};
+use teleclay_session::Lines;
 use teleclay_sim::rig::{Rig, Setup};
 
 pub(crate) const TICK: Duration = Duration::from_millis(1);

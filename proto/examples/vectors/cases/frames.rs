@@ -143,7 +143,8 @@ fn header() -> Header {
         echo_ns: 0x2827_2625_2423_2221,
         echo_hold_ns: 0x0c0b_0a09,
         scheme: Scheme::Tdpa,
-        revision: 0x3635,
+        revision: 0x3c3b_3a39,
         clay_epoch: 0x3433_3231,
+        ownership_epoch: 0x3837_3635,
     }
 }

@@ -3,7 +3,7 @@
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use teleclay_proto::frame::CopyState;
+use teleclay_proto::frame::{CopyState, SweepRefusal};
 use teleclay_proto::http::{
     Burst, ClayHash, ClayReset, ClayShape, ClaySpec, ClayState, CorrectionsState, FieldError,
     Impairment, JitterDistribution, LoopState, Material, Network, NewSession, Outage, Problem,
@@ -15,7 +15,7 @@ use teleclay_proto::join::{
 };
 use teleclay_proto::keys::{Key, Leaf, SessionKeys};
 use teleclay_proto::watch::{ClientText, Level, ServerText, Switch};
-use teleclay_proto::{Axes, NodeName, PROTOCOL, Scheme, SessionId, ToolDescription};
+use teleclay_proto::{Axes, NodeName, PROTOCOL, RealmName, Scheme, SessionId, ToolDescription};
 
 pub(super) fn server_texts() -> Value {
     let session = session();
@@ -194,6 +194,8 @@ pub(super) fn join() -> Value {
     };
     let granted = Granted {
         lease: 17,
+        ownership_epoch: 1,
+        node: NodeName::new("lab-1").expect("the name is good"),
         tool: 1,
         lease_s: 5.0,
         parameters: LoopParameters::default(),
@@ -203,7 +205,7 @@ pub(super) fn join() -> Value {
             epoch: 1,
             revision: 0,
         },
-        slow_endpoint: Some("tcp/127.0.0.1:7448".to_owned()),
+        slow_endpoint: Some("tcp/127.0.0.1:7548".to_owned()),
     };
     let refused = JoinReply::Refused {
         code: RefusalCode::NoFreeTool,
@@ -239,9 +241,10 @@ pub(super) fn join() -> Value {
 }
 
 pub(super) fn keys() -> Value {
-    let node = NodeName::new("lab-1").expect("the name is good");
-    let keys = SessionKeys::new(node.clone(), id("demo"));
+    let realm = RealmName::new("lab-1").expect("the name is good");
+    let session = SessionKeys::new(realm, id("demo"));
     let leaves = [
+        Leaf::Alive,
         Leaf::Join,
         Leaf::Leave,
         Leaf::Parameters,
@@ -253,20 +256,23 @@ pub(super) fn keys() -> Value {
         Leaf::State,
         Leaf::Operator(17),
     ];
-    let mut good = vec![Key::Alive(node).to_string()];
-    good.extend(leaves.map(|leaf| Key::Session(keys.clone(), leaf).to_string()));
+    let good = leaves.map(|leaf| {
+        let session = session.clone();
+        Key { session, leaf }.to_string()
+    });
     json!({
-        "about": "key expressions of node `lab-1` and its session `demo`",
+        "about": "key expressions of session `demo` in realm `lab-1`",
         "good": good,
         "bad": [
             "",
             "teleclay",
             "teleclay/",
-            "teleclay//alive",
+            "teleclay//session/demo/alive",
             "teleclay/lab-1",
             "teleclay/lab-1/",
-            "teleclay/lab-1/alive/",
-            "teleclay/Lab/alive",
+            "teleclay/lab-1/alive",
+            "teleclay/lab-1/session/demo/alive/",
+            "teleclay/Lab/session/demo/alive",
             "teleclay/lab-1/session/demo",
             "teleclay/lab-1/session//join",
             "teleclay/lab-1/session/a b/join",
@@ -277,9 +283,9 @@ pub(super) fn keys() -> Value {
             "teleclay/lab-1/session/demo/tool/4294967296/up",
             "teleclay/lab-1/session/demo/tool/*/up",
             "teleclay/lab-1/session/demo/operator/",
-            "teleclay/*/alive",
-            "other/lab-1/alive",
-            "/teleclay/lab-1/alive",
+            "teleclay/*/session/demo/alive",
+            "other/lab-1/session/demo/alive",
+            "/teleclay/lab-1/session/demo/alive",
         ],
     })
 }
@@ -324,6 +330,7 @@ fn impairment() -> Impairment {
 fn session() -> Session {
     Session {
         id: id("demo"),
+        revision: 7,
         scheme: Scheme::Replica,
         axes: Axes::Two,
         state: SessionState::Running,
@@ -361,6 +368,7 @@ fn session() -> Session {
             copy: CopyState::Live,
             hidden_force_n: [0.0625, 0.0, 0.0],
             sweeps_refused: 2,
+            refusal: SweepRefusal::TooFast,
             corrections: CorrectionsState {
                 count: 3,
                 moved_n: 1.5,

@@ -142,6 +142,7 @@ fn header_value(header: &Header) -> Value {
         "scheme": header.scheme.word(),
         "revision": header.revision,
         "clay_epoch": header.clay_epoch,
+        "ownership_epoch": header.ownership_epoch,
     })
 }
 

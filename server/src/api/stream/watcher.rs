@@ -259,7 +259,7 @@ impl Watcher {
             }
             Ok(ClientText::Reset { clay }) => {
                 let (live, id) = (self.live.clone(), self.id.clone());
-                let change = see_through(async move { live.reset(clay).await });
+                let change = see_through(async move { live.reset(clay, None).await });
                 self.change = Some(Box::pin(async move { told(change.await, "/clay", &id) }));
                 Ok(())
             }

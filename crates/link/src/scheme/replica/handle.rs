@@ -6,7 +6,7 @@ use std::time::Duration;
 use teleclay_clay::{Clay, Pose};
 use teleclay_proto::Scheme;
 use teleclay_proto::frame::{
-    CopyState, Corrections, HandleFrame, LoopStatus, SweepRecord, ToolFrame,
+    CopyState, Corrections, HandleFrame, LoopStatus, SweepRecord, SweepRefusal, ToolFrame,
 };
 
 use super::STALE;
@@ -18,7 +18,7 @@ use crate::replica::{
 };
 use crate::round_trip;
 use crate::scheme::tdpa::TdpaHandle;
-use crate::scheme::{Coupling, HandleController, HandlePort};
+use crate::scheme::{ClayCopy, Coupling, HandleController, HandlePort};
 use crate::time::Timestamp;
 
 /// A snapshot may be older than the request for it by this much: the server takes it from a mirror that follows its clay.
@@ -125,21 +125,6 @@ impl ReplicaHandle {
         }
     }
 
-    /// What the copy is good for.
-    pub fn state(&self) -> CopyState {
-        match &self.copy {
-            None => CopyState::None,
-            Some(_) if self.is_stale => CopyState::Stale,
-            Some(_) if self.is_diverged => CopyState::Diverged,
-            Some(_) => CopyState::Live,
-        }
-    }
-
-    /// The copy, if there is one.
-    pub fn copy(&self) -> Option<&Copy> {
-        self.copy.as_ref()
-    }
-
     /// What corrections of the copy have done to the hand; nothing without a copy.
     fn corrections(&self) -> Corrections {
         let Some(limiter) = self.copy.as_ref().map(Copy::limiter) else {
@@ -153,73 +138,6 @@ impl ReplicaHandle {
             tank_j: (limiter.tank_j() / self.coupling.power_ratio()) as f32,
             count: limiter.corrections(),
         }
-    }
-
-    /// The sweeps made here.
-    pub fn log(&self) -> &SweepLog {
-        &self.log
-    }
-
-    /// The snapshot that the shell should ask the server for, until it has come.
-    pub fn wanted_snapshot(&self) -> Option<WantedSnapshot> {
-        self.request.map(|request| request.wanted)
-    }
-
-    /// A snapshot came. What it replaces, or the snapshot itself if it shows another block, waits to be dropped elsewhere, see
-    /// [`ReplicaHandle::take_retired`].
-    pub fn on_snapshot(&mut self, snapshot: Snapshot) {
-        if self.epoch == 0 {
-            // It came with the lease, before the first frame.
-            self.epoch = snapshot.epoch;
-        }
-        if snapshot.epoch != self.epoch {
-            self.retired = Some(snapshot.clay);
-            return;
-        }
-        let request = self.request.take();
-        let lag_ns = SNAPSHOT_LAG.as_nanos() as u64;
-        let since = request.map_or(Timestamp::ZERO, |request| {
-            Timestamp::from_nanos(request.at.as_nanos().saturating_sub(lag_ns))
-        });
-        let lag_sweeps = (SNAPSHOT_LAG.as_secs_f64() / self.setup.motion_limits.tick_s) as u32;
-        let acknowledged = request.map_or(0, |request| request.acknowledged);
-        self.rebuild = Some(Rebuild {
-            own_next: self.log.last(),
-            own_floor: acknowledged
-                .saturating_sub(lag_sweeps)
-                .max(self.epoch_from - 1),
-            others_next: self.others.count,
-            since,
-        });
-        self.is_diverged = false;
-        if let Some(copy) = &mut self.copy {
-            self.retired = Some(copy.exchange(snapshot.clay));
-            return;
-        }
-        if let Some(far_tool) = self.far_tool {
-            self.motion_limiter.put(far_tool);
-        }
-        let at = self.setup.home + self.motion_limiter.at();
-        // Within reach, so on the lattice.
-        let pose = Pose::quantise(at.into()).unwrap_or_default();
-        self.copy = Some(Copy::new(
-            snapshot.clay,
-            snapshot.epoch,
-            pose,
-            self.correction_limits(),
-        ));
-        self.gain = 0.0;
-    }
-
-    /// Clay that is not needed any more, to be dropped where that costs nobody a tick.
-    pub fn take_retired(&mut self) -> Option<Box<Clay>> {
-        self.retired.take()
-    }
-
-    /// Another tool, another place, or other clay, from now on.
-    pub fn move_to(&mut self, setup: &Arc<ToolSetup>) {
-        self.motion_limiter.limit(setup.motion_limits);
-        self.setup = Arc::clone(setup);
     }
 
     /// What corrections may do to the device, as the tool's side of the ratios has it.
@@ -282,7 +200,9 @@ impl ReplicaHandle {
     fn compare(&mut self, frame: &ToolFrame) {
         if frame.sweeps_refused != self.refused {
             self.refused = frame.sweeps_refused;
-            self.is_diverged |= self.copy.is_some();
+            // A sweep of a block that is gone says nothing of the copy, which is of the present one.
+            let is_of_this_block = frame.refusal != SweepRefusal::WrongEpoch;
+            self.is_diverged |= self.copy.is_some() && is_of_this_block;
         }
         let Some(copy) = &self.copy else { return };
         let is_under_way = self.rebuild.is_some()
@@ -454,12 +374,88 @@ impl HandleController for ReplicaHandle {
         }
     }
 
-    fn replica(&self) -> Option<&ReplicaHandle> {
+    fn clay_copy(&self) -> Option<&dyn ClayCopy> {
         Some(self)
     }
 
-    fn replica_mut(&mut self) -> Option<&mut ReplicaHandle> {
+    fn clay_copy_mut(&mut self) -> Option<&mut dyn ClayCopy> {
         Some(self)
+    }
+}
+
+impl ClayCopy for ReplicaHandle {
+    fn state(&self) -> CopyState {
+        match &self.copy {
+            None => CopyState::None,
+            Some(_) if self.is_stale => CopyState::Stale,
+            Some(_) if self.is_diverged => CopyState::Diverged,
+            Some(_) => CopyState::Live,
+        }
+    }
+
+    fn copy(&self) -> Option<&Copy> {
+        self.copy.as_ref()
+    }
+
+    fn log(&self) -> &SweepLog {
+        &self.log
+    }
+
+    fn wanted_snapshot(&self) -> Option<WantedSnapshot> {
+        self.request.map(|request| request.wanted)
+    }
+
+    fn handle_snapshot(&mut self, snapshot: Snapshot) {
+        if self.epoch == 0 {
+            // It came with the lease, before the first frame.
+            self.epoch = snapshot.epoch;
+        }
+        if snapshot.epoch != self.epoch {
+            self.retired = Some(snapshot.clay);
+            return;
+        }
+        let request = self.request.take();
+        let lag_ns = SNAPSHOT_LAG.as_nanos() as u64;
+        let since = request.map_or(Timestamp::ZERO, |request| {
+            Timestamp::from_nanos(request.at.as_nanos().saturating_sub(lag_ns))
+        });
+        let lag_sweeps = (SNAPSHOT_LAG.as_secs_f64() / self.setup.motion_limits.tick_s) as u32;
+        let acknowledged = request.map_or(0, |request| request.acknowledged);
+        self.rebuild = Some(Rebuild {
+            own_next: self.log.last(),
+            own_floor: acknowledged
+                .saturating_sub(lag_sweeps)
+                .max(self.epoch_from - 1),
+            others_next: self.others.count,
+            since,
+        });
+        self.is_diverged = false;
+        if let Some(copy) = &mut self.copy {
+            self.retired = Some(copy.exchange(snapshot.clay));
+            return;
+        }
+        if let Some(far_tool) = self.far_tool {
+            self.motion_limiter.put(far_tool);
+        }
+        let at = self.setup.home + self.motion_limiter.at();
+        // Within reach, so on the lattice.
+        let pose = Pose::quantise(at.into()).unwrap_or_default();
+        self.copy = Some(Copy::new(
+            snapshot.clay,
+            snapshot.epoch,
+            pose,
+            self.correction_limits(),
+        ));
+        self.gain = 0.0;
+    }
+
+    fn poll_retired(&mut self) -> Option<Box<Clay>> {
+        self.retired.take()
+    }
+
+    fn move_to(&mut self, setup: &Arc<ToolSetup>) {
+        self.motion_limiter.limit(setup.motion_limits);
+        self.setup = Arc::clone(setup);
     }
 }
 

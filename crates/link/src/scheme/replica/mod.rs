@@ -35,7 +35,7 @@ mod tool;
 use std::time::Duration;
 
 pub use handle::{ReplicaHandle, Snapshot, WantedSnapshot};
-pub use tool::{Generation, MergeContext, Merged, ReplicaTool};
+pub use tool::{MergeContext, Merged, ReplicaTool};
 
 /// A copy that heard nothing for this long is not cut any more. A quarter of what the log holds at 1 kHz.
 pub const STALE: Duration = Duration::from_secs(2);

@@ -3,10 +3,10 @@
 use std::sync::Arc;
 
 use teleclay_clay::{Clay, ContactState, Material, Motion, Pose, Sweep};
-use teleclay_proto::Scheme;
 use teleclay_proto::frame::{
     CopyState, HandleFrame, LoopStatus, SweepRecord, SweepRefusal, Sweeps, ToolFrame,
 };
+use teleclay_proto::{Scheme, is_after};
 
 use crate::Vec3;
 use crate::deadband::Signal;
@@ -14,22 +14,13 @@ use crate::motion_limiter::Recovery;
 use crate::replica::{Cut, Impossible, Novelty, SweepInbox, SweepLog, ToolSetup};
 use crate::round_trip;
 use crate::scheme::tdpa::TdpaTool;
-use crate::scheme::{Coupling, ToolController, ToolPort};
+use crate::scheme::{Coupling, Generation, ToolController, ToolPort};
 use crate::time::Timestamp;
 
 /// Sweeps that wait for the tick at most. What does not fit is not noted as come, so the handle repeats it.
 const WAITING: usize = 256;
 /// Sweeps merged in one tick at most: what an outage held back comes at 64 times the speed at which it was made.
 const MERGES_A_TICK: usize = 64;
-
-/// When a scheme's generation began.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Generation {
-    /// Revision of the parameters from which on frames are of this generation.
-    pub since_revision: u16,
-    /// The block of clay: sweeps of another one cut clay that is gone.
-    pub epoch: u32,
-}
 
 /// With perceptual coding a frame goes out when this many relayed sweeps wait for their first, as on the way up.
 const RELAYS_DUE: usize = 8;
@@ -84,7 +75,7 @@ pub struct ReplicaTool {
     relay: SweepLog,
     pending: Vec<SweepRecord>,
     /// Frames of an earlier generation of this scheme number their sweeps otherwise.
-    since_revision: u16,
+    since_revision: u32,
     epoch: u32,
     handle_leads: bool,
     hold: Hold,
@@ -100,15 +91,15 @@ pub struct ReplicaTool {
 
 impl ReplicaTool {
     /// At rest; the handle has no copy yet.
-    pub fn new(coupling: Coupling, setup: Arc<ToolSetup>, generation: Generation) -> Self {
+    pub fn new(coupling: Coupling, setup: Arc<ToolSetup>) -> Self {
         Self {
             fallback: TdpaTool::new(coupling),
             setup,
             inbox: SweepInbox::default(),
             relay: SweepLog::default(),
             pending: Vec::with_capacity(WAITING),
-            since_revision: generation.since_revision,
-            epoch: generation.epoch,
+            since_revision: 0,
+            epoch: 0,
             handle_leads: false,
             hold: Hold::None,
             refused: 0,
@@ -127,8 +118,22 @@ impl ReplicaTool {
     }
 
     fn is_of_this_generation(&self, frame: &HandleFrame) -> bool {
-        let is_before = (frame.header.revision.wrapping_sub(self.since_revision) as i16) < 0;
-        frame.header.scheme == Scheme::Replica && !is_before
+        frame.header.scheme == Scheme::Replica
+            && !is_after(self.since_revision, frame.header.revision)
+    }
+
+    /// Sweeps that cut a block which is gone. Each is decided once, as any other.
+    fn refuse_sweeps(&mut self, sweeps: &Sweeps) {
+        for record in sweeps {
+            if self.inbox.on_sweep(record.sequence) == Novelty::New {
+                self.refuse(SweepRefusal::WrongEpoch);
+            }
+        }
+    }
+
+    fn refuse(&mut self, refusal: SweepRefusal) {
+        self.refused = self.refused.wrapping_add(1);
+        self.refusal = refusal;
     }
 
     fn take_sweeps(&mut self, sweeps: &Sweeps) {
@@ -179,8 +184,7 @@ impl ReplicaTool {
         merged: &mut Merged,
     ) {
         if let Some(refusal) = self.judge(record, context.status) {
-            self.refused = self.refused.wrapping_add(1);
-            self.refusal = refusal;
+            self.refuse(refusal);
             return;
         }
         let cut = cut_of(record);
@@ -265,11 +269,13 @@ impl ToolController for ReplicaTool {
     }
 
     fn on_late_frame(&mut self, _now: Timestamp, frame: &HandleFrame) {
-        if self.is_of_this_generation(frame)
-            && frame.header.clay_epoch == self.epoch
-            && frame.copy != CopyState::None
-        {
+        if !self.is_of_this_generation(frame) || frame.copy == CopyState::None {
+            return;
+        }
+        if frame.header.clay_epoch == self.epoch {
             self.take_sweeps(&frame.sweeps);
+        } else {
+            self.refuse_sweeps(&frame.sweeps);
         }
     }
 
@@ -332,6 +338,15 @@ impl ToolController for ReplicaTool {
 
     fn recovery(&self) -> Recovery {
         self.fallback.recovery()
+    }
+
+    fn begin(&mut self, generation: Generation) {
+        self.since_revision = generation.since_revision;
+        self.epoch = generation.epoch;
+    }
+
+    fn has_merged_all(&self) -> bool {
+        self.pending.is_empty() && self.inbox.complete() == self.seen
     }
 
     fn on_fresh_block(&mut self, epoch: u32) {

@@ -79,9 +79,10 @@ struct Axis {
     filtered: f64,
 }
 
-impl Incoming {
-    pub(super) fn new(medium: Medium) -> Self {
-        let axis = Axis {
+impl Axis {
+    /// Nothing has come yet.
+    fn new() -> Self {
+        Self {
             counter: Counter::NEW,
             newest_j: None,
             credit: Tank::empty(MOST_CREDIT_J),
@@ -89,15 +90,27 @@ impl Incoming {
             target: 0.0,
             played: 0.0,
             filtered: 0.0,
-        };
+        }
+    }
+}
+
+impl Incoming {
+    pub(super) fn new(medium: Medium) -> Self {
         Self {
             tick_s: medium.tick_s,
             filter_share: 1.0 - (-medium.filter_rad_s() * medium.tick_s).exp(),
             most_pull: 0.5 * medium.root * PULL_SPEED_M_S,
             playout: Playout::new(medium.tick_s),
-            axes: [axis; 3],
+            axes: [Axis::new(); 3],
             gap: 0,
         }
+    }
+
+    /// As new, with the memory that it has.
+    pub(super) fn restart(&mut self) {
+        self.playout.restart();
+        self.axes = [Axis::new(); 3];
+        self.gap = 0;
     }
 
     pub(super) fn on_sample(&mut self, now: Timestamp, header: &Header, sample: Sample) {

@@ -111,6 +111,13 @@ impl Port {
         }
     }
 
+    /// As new, with the memory that it has.
+    fn restart(&mut self) {
+        self.incoming.restart();
+        self.outgoing = Outgoing::new(self.medium);
+        self.acting = Vec3::zeros();
+    }
+
     fn on_frame(&mut self, now: Timestamp, header: &Header, sample: Sample) {
         if header.scheme == Scheme::Wave {
             self.incoming.on_sample(now, header, sample);
@@ -261,10 +268,10 @@ impl ToolController for WaveTool {
     }
 
     fn reindex(&mut self, handle_position: Vec3) {
-        *self = Self {
-            reference: handle_position * self.coupling.position_ratio,
-            ..Self::new(self.coupling.clone())
-        };
+        self.port.restart();
+        self.reference = handle_position * self.coupling.position_ratio;
+        self.velocity = Vec3::zeros();
+        self.line_force = Vec3::zeros();
     }
 
     fn recovery(&self) -> Recovery {

@@ -1,0 +1,102 @@
+//! What a session may be asked to do, what comes of it, and why it may refuse.
+
+use serde::{Deserialize, Serialize};
+use teleclay_proto::http::{ClayReset, FieldError, SessionPatch};
+
+/// Something that a session is asked to do: at once the body of an HTTP call, a text of a WebSocket and a query on Zenoh.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "command", rename_all = "snake_case")]
+pub enum Command {
+    /// Change settings. What the patch leaves out keeps its value.
+    Patch {
+        /// The change.
+        patch: SessionPatch,
+    },
+    /// Put a fresh block in place of the one that was cut. Ends a fault.
+    Reset {
+        /// Its shape and material; as before where left out.
+        reset: ClayReset,
+        /// The lease of the operator who asks for it, where an operator does: only who holds a tool may.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        lease: Option<u32>,
+    },
+    /// Give a tool to an operator.
+    Join {
+        /// Who asks.
+        operator: Operator,
+    },
+    /// Take a tool back from whoever holds this lease.
+    Leave {
+        /// The lease.
+        lease: u32,
+    },
+}
+
+/// Who asks for a tool, and with what.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Operator {
+    /// The operator's name, for people to read. An operator who was lost gets the same tool back under the same name.
+    pub name: String,
+    /// What the handle is, for people to read.
+    pub device: String,
+}
+
+/// What a command has brought about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Outcome {
+    /// The revision that the command made.
+    pub revision: u64,
+    /// The block of clay that the session works on now.
+    pub clay_epoch: u32,
+    /// The tool that was given, if the command asked for one.
+    pub granted: Option<Granted>,
+}
+
+/// A tool that was given to an operator.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Granted {
+    /// The lease under which frames are taken. Never 0, and never given twice by one session.
+    pub lease: u32,
+    /// The slot, from 0.
+    pub slot: usize,
+}
+
+/// Why a command was not carried out. Nothing has changed then, to the last bit.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Refusal {
+    /// A field holds what cannot be.
+    #[error("{}: {}", .0.pointer, .0.detail)]
+    Field(FieldError),
+    /// The settings changed between the preparation and the tick: prepare the command again.
+    #[error(
+        "prepared from the settings of revision {prepared_from}, which are those of revision {settings_from} by now"
+    )]
+    Overtaken {
+        /// Revision of the settings that the command was prepared from.
+        prepared_from: u64,
+        /// Revision of the settings as they are.
+        settings_from: u64,
+    },
+    /// Every tool is held by somebody who is there.
+    #[error("all {tools} tools are held")]
+    NoFreeTool {
+        /// How many tools the session has.
+        tools: usize,
+    },
+    /// Nobody holds this lease, or no longer.
+    #[error("nobody holds lease {lease}")]
+    NoSuchLease {
+        /// The lease.
+        lease: u32,
+    },
+    /// The session is in fault, so no tool is given.
+    #[error("the session is in fault ({field} is not finite); a fresh block ends it")]
+    Fault {
+        /// The quantity that was not finite.
+        field: &'static str,
+    },
+    /// Events of earlier commands were not taken away yet.
+    #[error("the session has no room for the events of a further command")]
+    Busy,
+}

@@ -1,0 +1,179 @@
+//! What a session tells of itself. Every change is told exactly once, after it was made; [`Snapshot::apply`] makes the state of it again.
+
+use std::sync::Arc;
+
+use teleclay_link::safety::NotFinite;
+
+use crate::command::Operator;
+use crate::settings::Settings;
+
+/// Something that has changed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Event {
+    /// The session's tick in which it changed.
+    pub tick: u64,
+    /// The revision that the change made, or that held while it happened.
+    pub revision: u64,
+    /// The change.
+    pub kind: EventKind,
+}
+
+/// What has changed.
+#[derive(Clone, Debug, PartialEq)]
+pub enum EventKind {
+    /// The settings are others.
+    Changed {
+        /// All of them, as they are now.
+        settings: Arc<Settings>,
+    },
+    /// A fresh block stands in place of the one that was cut. A fault is over with it.
+    FreshBlock {
+        /// The settings that came with it.
+        settings: Arc<Settings>,
+        /// Counts the fresh blocks.
+        clay_epoch: u32,
+    },
+    /// An operator holds a tool.
+    Taken {
+        /// The tool's slot, from 0.
+        slot: usize,
+        /// The lease.
+        lease: u32,
+        /// Who holds it.
+        operator: Arc<Operator>,
+    },
+    /// An operator holds a tool no longer.
+    Released {
+        /// The tool's slot, from 0.
+        slot: usize,
+        /// The lease that is over.
+        lease: u32,
+        /// Who held it.
+        operator: Arc<Operator>,
+        /// Why no longer.
+        because: Release,
+    },
+    /// Frames come from the holder of a tool.
+    Connected {
+        /// The tool's slot, from 0.
+        slot: usize,
+    },
+    /// Frames from the holder of a tool come no longer.
+    Disconnected {
+        /// The tool's slot, from 0.
+        slot: usize,
+    },
+    /// A value put the session into fault: every tool rests until there is a fresh block.
+    Fault {
+        /// The value.
+        fault: NotFinite,
+    },
+}
+
+/// Why a lease has ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Release {
+    /// The holder said goodbye.
+    Left,
+    /// No frame came for as long as a lease lasts.
+    RanOut,
+    /// Another operator asked for a tool, and this holder had fallen silent.
+    TakenOver,
+}
+
+impl Release {
+    /// What became of the holder, for a sentence that begins with the operator's name.
+    pub const fn words(self) -> &'static str {
+        match self {
+            Self::Left => "left",
+            Self::RanOut => "was silent for too long",
+            Self::TakenOver => "was silent, and another operator asked for the tool",
+        }
+    }
+}
+
+/// A session's state, but for the clay itself and the motion of tools.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Snapshot {
+    /// Ticks so far, or the tick of the last event that was applied.
+    pub tick: u64,
+    /// Counts the changes.
+    pub revision: u64,
+    /// What the session was told to be.
+    pub settings: Arc<Settings>,
+    /// Counts the fresh blocks, from 1.
+    pub clay_epoch: u32,
+    /// Counts the servers that have run the session, from 1.
+    pub ownership_epoch: u32,
+    /// The value that put the session into fault, if one did.
+    pub fault: Option<NotFinite>,
+    /// Every tool, held or free.
+    pub tools: Vec<ToolSnapshot>,
+}
+
+/// A tool's state.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ToolSnapshot {
+    /// Who holds it, if anybody does.
+    pub holder: Option<HolderSnapshot>,
+}
+
+/// Who holds a tool.
+#[derive(Clone, Debug, PartialEq)]
+pub struct HolderSnapshot {
+    /// The lease.
+    pub lease: u32,
+    /// The operator.
+    pub operator: Arc<Operator>,
+    /// Whether frames come.
+    pub is_connected: bool,
+}
+
+impl Snapshot {
+    /// Takes in an event. Events that come in their order give the state as it was when the last of them was told.
+    pub fn apply(&mut self, event: &Event) {
+        self.tick = event.tick;
+        self.revision = event.revision;
+        match &event.kind {
+            EventKind::Changed { settings } => self.settings = Arc::clone(settings),
+            EventKind::FreshBlock {
+                settings,
+                clay_epoch,
+            } => {
+                self.settings = Arc::clone(settings);
+                self.clay_epoch = *clay_epoch;
+                self.fault = None;
+            }
+            EventKind::Taken {
+                slot,
+                lease,
+                operator,
+            } => {
+                self.tools[*slot].holder = Some(HolderSnapshot {
+                    lease: *lease,
+                    operator: Arc::clone(operator),
+                    is_connected: false,
+                });
+            }
+            EventKind::Released { slot, .. } => self.tools[*slot].holder = None,
+            EventKind::Connected { slot } => self.set_connected(*slot, true),
+            EventKind::Disconnected { slot } => self.set_connected(*slot, false),
+            EventKind::Fault { fault } => self.fault = Some(*fault),
+        }
+    }
+
+    /// The slot of the tool that is held under `lease`.
+    pub fn slot_of(&self, lease: u32) -> Option<usize> {
+        self.tools.iter().position(|tool| {
+            tool.holder
+                .as_ref()
+                .is_some_and(|holder| holder.lease == lease)
+        })
+    }
+
+    fn set_connected(&mut self, slot: usize, is_connected: bool) {
+        if let Some(holder) = &mut self.tools[slot].holder {
+            holder.is_connected = is_connected;
+        }
+    }
+}

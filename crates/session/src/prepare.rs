@@ -1,0 +1,172 @@
+//! What a command needs built before the tick, and what it leaves to be dropped after it.
+//!
+//! A tick neither allocates nor drops what is large. So whoever has a command for a session makes it a [`Prepared`] first, on a thread that may take its
+//! time; the tick exchanges what was built for what it replaces; and the same [`Prepared`] carries that away again.
+
+use std::sync::Arc;
+
+use teleclay_bilateral::{LoopModel, ToolSide, tool_setup};
+use teleclay_clay::{Clay, Material};
+use teleclay_link::replica::ToolSetup;
+use teleclay_link::scheme::{ToolController, tool_controller};
+use teleclay_proto::http::FieldError;
+
+use crate::command::{Command, Operator, Refusal};
+use crate::settings::{Lines, Settings};
+
+/// A command with everything that it needs. After it was carried out, it holds what it has replaced.
+pub struct Prepared {
+    /// Revision of the settings that it was made from; a command that does not depend on settings names none.
+    pub(crate) prepared_from: Option<u64>,
+    /// The lease under which it is asked for, where that has to be held.
+    pub(crate) asked_by: Option<u32>,
+    pub(crate) parts: Parts,
+}
+
+pub(crate) enum Parts {
+    Patch(Box<PatchParts>),
+    Reset(Box<ResetParts>),
+    Join(Box<JoinParts>),
+    Leave {
+        lease: u32,
+        side: Option<Box<ToolSide>>,
+    },
+}
+
+pub(crate) struct PatchParts {
+    pub(crate) settings: Arc<Settings>,
+    pub(crate) material: Option<Material>,
+    pub(crate) lines: Option<Lines>,
+    pub(crate) deadband: Option<f64>,
+    /// One for each tool, where the scheme changes.
+    pub(crate) controllers: Vec<Box<dyn ToolController>>,
+    /// Keeps alive, until it is dropped with the rest, what the controllers were built with.
+    _setup: Option<Arc<ToolSetup>>,
+}
+
+pub(crate) struct ResetParts {
+    pub(crate) settings: Arc<Settings>,
+    pub(crate) clay: Clay,
+    pub(crate) setup: Arc<ToolSetup>,
+    /// Gets what the tools had before. Has room for every tool.
+    pub(crate) before: Vec<Arc<ToolSetup>>,
+}
+
+pub(crate) struct JoinParts {
+    pub(crate) operator: Arc<Operator>,
+    /// The side for the operator; afterwards the side of whoever held the tool before, if anybody did.
+    pub(crate) side: Option<Box<ToolSide>>,
+}
+
+impl Prepared {
+    /// Checks a command and builds what it needs.
+    ///
+    /// # Errors
+    /// A field of the command cannot be. Nothing was changed then, because nothing was told to the session.
+    pub fn new(command: &Command, settings: &Settings) -> Result<Self, Refusal> {
+        let parts = match command {
+            Command::Patch { patch } => {
+                let patched = settings.patched(patch).map_err(Refusal::Field)?;
+                let is_other_scheme = patched.spec.scheme != settings.spec.scheme;
+                let (controllers, setup) = if is_other_scheme {
+                    controllers(&patched)?
+                } else {
+                    (Vec::new(), None)
+                };
+                Parts::Patch(Box::new(PatchParts {
+                    material: patch.material.map(|_| patched.material()),
+                    lines: patch.network.map(|_| patched.lines()),
+                    deadband: patch.deadband,
+                    settings: Arc::new(patched),
+                    controllers,
+                    _setup: setup,
+                }))
+            }
+            Command::Reset { reset, lease } => {
+                let fresh = settings.with_fresh_block(reset).map_err(Refusal::Field)?;
+                let clay = fresh.fresh_block().map_err(Refusal::Field)?;
+                let mut prepared = Self::fresh_block(fresh, clay, settings.revision)?;
+                prepared.asked_by = *lease;
+                return Ok(prepared);
+            }
+            Command::Join { operator } => {
+                let side = ToolSide::new(&settings.parameters, 0).map_err(no_loop)?;
+                return Ok(Self::join(operator, side, Some(settings.revision)));
+            }
+            Command::Leave { lease } => {
+                return Ok(Self {
+                    prepared_from: None,
+                    asked_by: None,
+                    parts: Parts::Leave {
+                        lease: *lease,
+                        side: None,
+                    },
+                });
+            }
+        };
+        Ok(Self {
+            prepared_from: Some(settings.revision),
+            asked_by: None,
+            parts,
+        })
+    }
+
+    /// A fresh block that the caller has made, with the settings that hold from then on, made from those of revision `prepared_from`.
+    ///
+    /// # Errors
+    /// The settings make no loop.
+    pub fn fresh_block(
+        settings: Settings,
+        clay: Clay,
+        prepared_from: u64,
+    ) -> Result<Self, Refusal> {
+        let setup = tool_setup(&settings.parameters).map_err(no_loop)?;
+        Ok(Self {
+            prepared_from: Some(prepared_from),
+            asked_by: None,
+            parts: Parts::Reset(Box::new(ResetParts {
+                before: Vec::with_capacity(settings.tools()),
+                settings: Arc::new(settings),
+                clay,
+                setup,
+            })),
+        })
+    }
+
+    /// A tool for an operator, with a tool side that the caller has made. With `prepared_from`, it is refused once the settings have changed since.
+    pub fn join(operator: &Operator, side: ToolSide, prepared_from: Option<u64>) -> Self {
+        Self {
+            prepared_from,
+            asked_by: None,
+            parts: Parts::Join(Box::new(JoinParts {
+                operator: Arc::new(operator.clone()),
+                side: Some(Box::new(side)),
+            })),
+        }
+    }
+
+    /// The fresh block that the command brings, if it brings one, and the settings that come with it. Once it was carried out, these are what it has
+    /// replaced.
+    pub fn fresh(&self) -> Option<(&Settings, &Clay)> {
+        match &self.parts {
+            Parts::Reset(reset) => Some((&reset.settings, &reset.clay)),
+            _ => None,
+        }
+    }
+}
+
+/// A controller of the settings' scheme for every tool, and what they were built with.
+fn controllers(
+    settings: &Settings,
+) -> Result<(Vec<Box<dyn ToolController>>, Option<Arc<ToolSetup>>), Refusal> {
+    let model = LoopModel::new(&settings.parameters).map_err(no_loop)?;
+    let context = model.context();
+    let controllers = (0..settings.tools())
+        .map(|_| tool_controller(settings.parameters.scheme, context))
+        .collect();
+    Ok((controllers, Some(Arc::clone(&context.setup))))
+}
+
+fn no_loop(error: teleclay_bilateral::ParameterError) -> Refusal {
+    Refusal::Field(FieldError::new("", error.to_string()))
+}

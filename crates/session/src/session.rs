@@ -1,0 +1,539 @@
+//! The machine.
+
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+use teleclay_bilateral::{Permission, ToolSide, ToolStep};
+use teleclay_clay::{Clay, Material};
+use teleclay_link::arrivals::ArrivalCounts;
+use teleclay_link::replica::Cut;
+use teleclay_link::safety::NotFinite;
+use teleclay_link::scheme::Generation;
+use teleclay_link::time::Timestamp;
+use teleclay_proto::frame::{HandleFrame, ToolFrame};
+use teleclay_proto::http::MAX_TOOLS;
+
+use crate::command::{Command, Granted, Outcome, Refusal};
+use crate::event::{Event, EventKind, Release, Snapshot, ToolSnapshot};
+use crate::prepare::{JoinParts, Parts, PatchParts, Prepared, ResetParts};
+use crate::rules::Rules;
+use crate::settings::{Lines, Settings};
+use crate::slot::{Holder, ToolSlot};
+
+/// Events that wait to be taken away. A few seconds of the busiest session, should nobody come.
+const EVENTS_WAITING: usize = 256;
+/// Events that one command, or one tool in one tick, can bring at most.
+const EVENTS_AT_ONCE: usize = 3;
+/// Cuts that one tool makes in one tick at most.
+const CUTS_AT_ONCE: usize = teleclay_bilateral::CUTS_A_TICK;
+
+/// What a session begins with.
+pub struct SessionSetup {
+    /// What it is told to be.
+    pub settings: Settings,
+    /// What the lines to the handles do.
+    pub lines: Lines,
+    /// The block.
+    pub clay: Clay,
+    /// Times of the rules about tools.
+    pub rules: Rules,
+    /// Number of the first lease. Leases of an earlier life of the session should lie below.
+    pub first_lease: u32,
+    /// Counts the servers that have run the session, from 1.
+    pub ownership_epoch: u32,
+}
+
+/// One session.
+///
+/// Its methods are of four kinds, and are meant to be called in this order, tick by tick:
+///
+/// 1. `handle_*` takes in what comes from outside: [`handle_command`](Self::handle_command), [`handle_frame`](Self::handle_frame).
+/// 2. [`tick`](Self::tick) lets a millisecond pass.
+/// 3. `poll_*` gives what is to go out, until each gives nothing more: [`poll_transmit`](Self::poll_transmit), then
+///    [`poll_event`](Self::poll_event), then [`poll_retired`](Self::poll_retired).
+/// 4. Everything else is a getter and changes nothing. [`snapshot`](Self::snapshot) allocates; the rest does not.
+///
+/// None of the first three kinds allocates or drops what is large.
+pub struct Session {
+    settings: Arc<Settings>,
+    rules: Rules,
+    clay: Clay,
+    material: Material,
+    slots: Vec<ToolSlot>,
+    fault: Option<NotFinite>,
+    now: Timestamp,
+    ticks: u64,
+    revision: u64,
+    clay_epoch: u32,
+    ownership_epoch: u32,
+    next_lease: u32,
+    /// Counts of holders who have gone.
+    departed: ArrivalCounts,
+    /// Cuts of one tool on their way to the others.
+    cuts: Vec<Cut>,
+    events: VecDeque<Event>,
+    retired: Vec<Box<ToolSide>>,
+    /// The frame that `poll_transmit` gave last, and the slot it looks at next.
+    leaving: ToolFrame,
+    next_to_transmit: usize,
+}
+
+impl Session {
+    /// A session at rest, every tool free.
+    pub fn new(setup: SessionSetup) -> Self {
+        let SessionSetup {
+            settings,
+            lines,
+            clay,
+            rules,
+            first_lease,
+            ownership_epoch,
+        } = setup;
+        let tools = settings.tools();
+        Self {
+            rules,
+            clay,
+            material: settings.material(),
+            slots: (0..tools)
+                .map(|number| ToolSlot::new(number, &lines))
+                .collect(),
+            fault: None,
+            now: Timestamp::ZERO,
+            ticks: 0,
+            revision: settings.revision,
+            clay_epoch: 1,
+            ownership_epoch,
+            next_lease: first_lease.max(1),
+            departed: ArrivalCounts::default(),
+            cuts: Vec::with_capacity(CUTS_AT_ONCE),
+            events: VecDeque::with_capacity(EVENTS_WAITING + EVENTS_AT_ONCE),
+            retired: Vec::with_capacity(tools),
+            leaving: ToolFrame::default(),
+            next_to_transmit: 0,
+            settings: Arc::new(settings),
+        }
+    }
+
+    /// Carries a command out, or leaves everything as it is. Either way `prepared` then holds what is to be dropped elsewhere.
+    ///
+    /// # Errors
+    /// Why the command was refused. Nothing has changed then, and no event is told.
+    pub fn handle_command(
+        &mut self,
+        now: Timestamp,
+        prepared: &mut Prepared,
+    ) -> Result<Outcome, Refusal> {
+        if !self.has_room_for(EVENTS_AT_ONCE) {
+            return Err(Refusal::Busy);
+        }
+        if let Some(prepared_from) = prepared.prepared_from
+            && prepared_from != self.settings.revision
+        {
+            return Err(Refusal::Overtaken {
+                prepared_from,
+                settings_from: self.settings.revision,
+            });
+        }
+        if let Some(lease) = prepared.asked_by {
+            self.slot_of(lease)?;
+        }
+        let granted = match &mut prepared.parts {
+            Parts::Patch(parts) => {
+                self.patch(parts);
+                None
+            }
+            Parts::Reset(parts) => {
+                self.reset(parts);
+                None
+            }
+            Parts::Join(parts) => Some(self.join(now, parts)?),
+            Parts::Leave { lease, side } => {
+                let slot = self.slot_of(*lease)?;
+                *side = self.release(slot, Release::Left);
+                None
+            }
+        };
+        Ok(Outcome {
+            revision: self.revision,
+            clay_epoch: self.clay_epoch,
+            granted,
+        })
+    }
+
+    /// Prepares a command and carries it out at once, where nothing ticks in real time: this allocates.
+    ///
+    /// # Errors
+    /// Why the command was refused.
+    pub fn carry_out(&mut self, now: Timestamp, command: &Command) -> Result<Outcome, Refusal> {
+        let mut prepared = Prepared::new(command, &self.settings)?;
+        self.handle_command(now, &mut prepared)
+    }
+
+    /// Changes what the lines do, from the next frame on, to what no setting can say. The settings stay as they are.
+    pub fn impair(&mut self, lines: &Lines) {
+        for (number, slot) in self.slots.iter_mut().enumerate() {
+            slot.impair(number, lines);
+        }
+    }
+
+    /// A frame from the handle of the tool in `slot` entered the line. What comes for a slot that does not exist, or that nobody holds, is dropped.
+    pub fn handle_frame(&mut self, now: Timestamp, slot: usize, frame: &HandleFrame) {
+        if let Some(slot) = self.slots.get_mut(slot)
+            && slot.holder.is_some()
+        {
+            slot.up.push(now, frame.clone());
+        }
+    }
+
+    /// One tick of every tool.
+    pub fn tick(&mut self, now: Timestamp) {
+        self.now = now;
+        self.ticks += 1;
+        for number in 0..self.slots.len() {
+            self.tick_tool(number);
+        }
+        for number in 0..self.slots.len() {
+            self.follow_holder(number);
+        }
+        self.next_to_transmit = 0;
+    }
+
+    /// The next frame that leaves a line towards a handle in this tick, and the slot of its tool.
+    pub fn poll_transmit(&mut self) -> Option<(usize, &ToolFrame)> {
+        while let Some(slot) = self.slots.get_mut(self.next_to_transmit) {
+            if let Some(frame) = slot.down.poll(self.now) {
+                self.leaving = frame;
+                return Some((self.next_to_transmit, &self.leaving));
+            }
+            self.next_to_transmit += 1;
+        }
+        None
+    }
+
+    /// The next thing that has changed.
+    pub fn poll_event(&mut self) -> Option<Event> {
+        self.events.pop_front()
+    }
+
+    /// The next thing that the session is done with, to be dropped where that costs no tick.
+    pub fn poll_retired(&mut self) -> Option<Box<ToolSide>> {
+        self.retired.pop()
+    }
+
+    /// The state of the session, but for the clay itself and the motion of tools.
+    pub fn snapshot(&self) -> Snapshot {
+        Snapshot {
+            tick: self.ticks,
+            revision: self.revision,
+            settings: Arc::clone(&self.settings),
+            clay_epoch: self.clay_epoch,
+            ownership_epoch: self.ownership_epoch,
+            fault: self.fault,
+            tools: self
+                .slots
+                .iter()
+                .map(|slot| ToolSnapshot {
+                    holder: slot.snapshot(),
+                })
+                .collect(),
+        }
+    }
+
+    /// What the session was told to be.
+    pub fn settings(&self) -> &Arc<Settings> {
+        &self.settings
+    }
+
+    /// Counts the changes.
+    pub fn revision(&self) -> u64 {
+        self.revision
+    }
+
+    /// Counts the fresh blocks, from 1.
+    pub fn clay_epoch(&self) -> u32 {
+        self.clay_epoch
+    }
+
+    /// Counts the servers that have run the session, from 1.
+    pub fn ownership_epoch(&self) -> u32 {
+        self.ownership_epoch
+    }
+
+    /// The value that put the session into fault, if one did.
+    pub fn fault(&self) -> Option<NotFinite> {
+        self.fault
+    }
+
+    /// Ticks so far.
+    pub fn ticks(&self) -> u64 {
+        self.ticks
+    }
+
+    /// The clay.
+    pub fn clay(&self) -> &Clay {
+        &self.clay
+    }
+
+    /// The clay, for draining changes and hashes.
+    pub fn clay_mut(&mut self) -> &mut Clay {
+        &mut self.clay
+    }
+
+    /// How many tools there are, held or free.
+    pub fn tools(&self) -> usize {
+        self.slots.len()
+    }
+
+    /// The tool side in `slot`, if somebody holds it.
+    pub fn side(&self, slot: usize) -> Option<&ToolSide> {
+        self.slots.get(slot)?.side()
+    }
+
+    /// The tool side in `slot`, to change how it leaves frames out.
+    pub fn side_mut(&mut self, slot: usize) -> Option<&mut ToolSide> {
+        self.slots.get_mut(slot)?.side_mut()
+    }
+
+    /// What the tool in `slot` did in the last tick.
+    pub fn last_step(&self, slot: usize) -> ToolStep {
+        self.slots
+            .get(slot)
+            .map_or_else(ToolStep::default, |slot| slot.last)
+    }
+
+    /// What came from all handles since the session began, those who have left included. No count ever falls.
+    pub fn arrivals(&self) -> ArrivalCounts {
+        let sides = self.slots.iter().filter_map(ToolSlot::side);
+        sides.fold(self.departed, |all, side| all.and(side.arrivals()))
+    }
+
+    fn patch(&mut self, parts: &mut PatchParts) {
+        let generation = self.next_revision_with(&mut parts.settings);
+        if let Some(material) = parts.material {
+            self.material = material;
+        }
+        if let Some(lines) = &parts.lines {
+            self.impair(lines);
+        }
+        if let Some(deadband) = parts.deadband {
+            for side in self.sides_mut() {
+                let set = side.set_deadband(deadband);
+                debug_assert!(set.is_ok(), "what was prepared was checked: {set:?}");
+            }
+        }
+        if !parts.controllers.is_empty() {
+            let scheme = self.settings.parameters.scheme;
+            for (slot, controller) in self.slots.iter_mut().zip(&mut parts.controllers) {
+                if let Some(side) = slot.side_mut() {
+                    side.change_scheme(scheme, generation, controller);
+                }
+            }
+        }
+        self.announce_revision();
+        self.emit(EventKind::Changed {
+            settings: Arc::clone(&self.settings),
+        });
+    }
+
+    fn reset(&mut self, parts: &mut ResetParts) {
+        self.clay_epoch = self.clay_epoch.wrapping_add(1);
+        let generation = self.next_revision_with(&mut parts.settings);
+        self.fault = None;
+        self.material = parts.setup.material;
+        for slot in &mut self.slots {
+            if let Some(side) = slot.side_mut() {
+                parts.before.push(side.move_to(Arc::clone(&parts.setup)));
+                side.start_on_fresh_block(generation);
+            }
+        }
+        std::mem::swap(&mut self.clay, &mut parts.clay);
+        self.announce_revision();
+        self.emit(EventKind::FreshBlock {
+            settings: Arc::clone(&self.settings),
+            clay_epoch: self.clay_epoch,
+        });
+    }
+
+    fn join(&mut self, now: Timestamp, parts: &mut JoinParts) -> Result<Granted, Refusal> {
+        if let Some(fault) = self.fault {
+            return Err(Refusal::Fault { field: fault.field });
+        }
+        let held = self.slots.iter().map(|slot| slot.held(now));
+        let slot = self
+            .rules
+            .slot_for(&parts.operator.name, held)
+            .ok_or(Refusal::NoFreeTool {
+                tools: self.slots.len(),
+            })?;
+        let mut side = parts.side.take().expect("a command is carried out once");
+        parts.side = self.release(slot, Release::TakenOver);
+        self.revision += 1;
+        let lease = self.next_lease;
+        self.next_lease = lease.checked_add(1).unwrap_or(1);
+        side.attach(lease, self.ownership_epoch, self.generation());
+        self.slots[slot].holder = Some(Holder {
+            lease,
+            operator: Arc::clone(&parts.operator),
+            since: now,
+            side,
+            was_connected: false,
+        });
+        self.announce_revision();
+        self.emit(EventKind::Taken {
+            slot,
+            lease,
+            operator: Arc::clone(&parts.operator),
+        });
+        Ok(Granted { lease, slot })
+    }
+
+    /// Takes the tool in `slot` from its holder, if it has one. Gives the side, to be dropped elsewhere.
+    fn release(&mut self, slot: usize, because: Release) -> Option<Box<ToolSide>> {
+        let holder = self.slots[slot].holder.take()?;
+        self.slots[slot].clear_lines();
+        self.departed = self.departed.and(holder.side.arrivals());
+        self.revision += 1;
+        self.announce_revision();
+        self.emit(EventKind::Released {
+            slot,
+            lease: holder.lease,
+            operator: holder.operator,
+            because,
+        });
+        Some(holder.side)
+    }
+
+    fn tick_tool(&mut self, number: usize) {
+        let now = self.now;
+        let slot = &mut self.slots[number];
+        let Some(holder) = &mut slot.holder else {
+            return;
+        };
+        let side = &mut holder.side;
+        while let Some((arrived, frame)) = slot.up.poll_with_arrival(now) {
+            side.handle_frame(arrived, &frame);
+        }
+        let permission = match (self.fault, self.settings.is_paused) {
+            (Some(_), _) => Permission::Fault,
+            (None, true) => Permission::Pause,
+            (None, false) => Permission::Work,
+        };
+        slot.last = side.step(now, &mut self.clay, &self.material, permission);
+        self.cuts.clear();
+        self.cuts.extend_from_slice(side.cuts());
+        let (is_led, fault) = (side.is_led(), side.fault());
+        if let Some(frame) = side.frame_to_send() {
+            slot.down.push(now, frame.clone());
+        }
+        if let (None, Some(fault)) = (self.fault, fault) {
+            self.fault = Some(fault);
+            self.revision += 1;
+            self.announce_revision();
+            self.emit(EventKind::Fault { fault });
+        }
+        self.relay_from(number, is_led);
+    }
+
+    /// Tells every copy what the tool at `number` has cut, but for the one that led it there: that one has cut it first.
+    fn relay_from(&mut self, number: usize, is_led: bool) {
+        if self.cuts.is_empty() {
+            return;
+        }
+        let others = (0..)
+            .zip(&mut self.slots)
+            .filter(|(other, _)| *other != number || !is_led);
+        for side in others.filter_map(|(_, slot)| slot.side_mut()) {
+            for cut in &self.cuts {
+                side.handle_cut(*cut);
+            }
+        }
+    }
+
+    /// Tells whether the holder of a tool is heard, and ends a lease that is over.
+    fn follow_holder(&mut self, number: usize) {
+        if !self.has_room_for(EVENTS_AT_ONCE) {
+            return;
+        }
+        let now = self.now;
+        let slot = &mut self.slots[number];
+        let Some(held) = slot.held(now) else { return };
+        let (is_connected, has_run_out) = (held.is_connected, self.rules.has_run_out(&held));
+        let Some(holder) = &mut slot.holder else {
+            return;
+        };
+        let has_left = holder.side.has_left(now);
+        if is_connected != std::mem::replace(&mut holder.was_connected, is_connected) {
+            self.emit(if is_connected {
+                EventKind::Connected { slot: number }
+            } else {
+                EventKind::Disconnected { slot: number }
+            });
+        }
+        let because = match (has_left, has_run_out) {
+            (true, _) => Release::Left,
+            (false, true) => Release::RanOut,
+            (false, false) => return,
+        };
+        if self.retired.len() < self.retired.capacity()
+            && let Some(side) = self.release(number, because)
+        {
+            self.retired.push(side);
+        }
+    }
+
+    /// A new revision, with these settings from it on. `settings` gets those before.
+    fn next_revision_with(&mut self, settings: &mut Arc<Settings>) -> Generation {
+        self.revision += 1;
+        // Whoever prepared the settings does not know under which revision they come to hold, and nobody else has them yet.
+        if let Some(settings) = Arc::get_mut(settings) {
+            settings.revision = self.revision;
+        }
+        std::mem::swap(&mut self.settings, settings);
+        self.generation()
+    }
+
+    /// What frames name from this revision on.
+    fn generation(&self) -> Generation {
+        Generation {
+            since_revision: self.revision as u32,
+            epoch: self.clay_epoch,
+        }
+    }
+
+    fn announce_revision(&mut self) {
+        let revision = self.revision as u32;
+        for side in self.sides_mut() {
+            side.set_revision(revision);
+        }
+    }
+
+    fn sides_mut(&mut self) -> impl Iterator<Item = &mut ToolSide> {
+        self.slots.iter_mut().filter_map(ToolSlot::side_mut)
+    }
+
+    fn slot_of(&self, lease: u32) -> Result<usize, Refusal> {
+        let holds = |slot: &ToolSlot| slot.holder.as_ref().is_some_and(|held| held.lease == lease);
+        self.slots
+            .iter()
+            .position(holds)
+            .ok_or(Refusal::NoSuchLease { lease })
+    }
+
+    fn has_room_for(&self, events: usize) -> bool {
+        self.events.len() + events <= EVENTS_WAITING
+    }
+
+    /// Callers have made sure of room; a fault comes once and has room kept for it.
+    fn emit(&mut self, kind: EventKind) {
+        self.events.push_back(Event {
+            tick: self.ticks,
+            revision: self.revision,
+            kind,
+        });
+    }
+}
+
+const _: () = assert!(
+    EVENTS_AT_ONCE * (MAX_TOOLS as usize + 1) < EVENTS_WAITING,
+    "a tick and a command find room for their events"
+);

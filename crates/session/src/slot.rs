@@ -1,0 +1,92 @@
+//! One tool's slot: the line up, the line down, and the tool side while somebody holds it.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use teleclay_bilateral::{ToolSide, ToolStep};
+use teleclay_link::conditioner::Conditioner;
+use teleclay_link::time::Timestamp;
+use teleclay_proto::frame::{HandleFrame, ToolFrame};
+
+use crate::command::Operator;
+use crate::event::HolderSnapshot;
+use crate::rules::Held;
+use crate::settings::Lines;
+
+/// Frames in flight on one line at most: two seconds of delay at 1 kHz, every one of them doubled.
+const LINE_CAPACITY: usize = 4096;
+
+/// Who holds a tool.
+pub(crate) struct Holder {
+    pub(crate) lease: u32,
+    pub(crate) operator: Arc<Operator>,
+    pub(crate) since: Timestamp,
+    pub(crate) side: Box<ToolSide>,
+    /// As last told.
+    pub(crate) was_connected: bool,
+}
+
+pub(crate) struct ToolSlot {
+    pub(crate) holder: Option<Holder>,
+    pub(crate) up: Conditioner<HandleFrame>,
+    pub(crate) down: Conditioner<ToolFrame>,
+    pub(crate) last: ToolStep,
+}
+
+impl ToolSlot {
+    /// Slot number `number`, free. Every line has random numbers of its own.
+    pub(crate) fn new(number: usize, lines: &Lines) -> Self {
+        let number = number as u64;
+        Self {
+            holder: None,
+            up: Conditioner::new(lines.up, lines.up_seed.wrapping_add(number), LINE_CAPACITY),
+            down: Conditioner::new(
+                lines.down,
+                lines.down_seed.wrapping_add(number),
+                LINE_CAPACITY,
+            ),
+            last: ToolStep::default(),
+        }
+    }
+
+    /// Changes what the lines do, from the next frame on.
+    pub(crate) fn impair(&mut self, number: usize, lines: &Lines) {
+        let number = number as u64;
+        self.up.impair(lines.up);
+        self.up.reseed(lines.up_seed.wrapping_add(number));
+        self.down.impair(lines.down);
+        self.down.reseed(lines.down_seed.wrapping_add(number));
+    }
+
+    /// Nothing that an earlier holder sent, or was sent, reaches anybody.
+    pub(crate) fn clear_lines(&mut self) {
+        self.up.clear();
+        self.down.clear();
+        self.last = ToolStep::default();
+    }
+
+    pub(crate) fn side(&self) -> Option<&ToolSide> {
+        self.holder.as_ref().map(|holder| &*holder.side)
+    }
+
+    pub(crate) fn side_mut(&mut self) -> Option<&mut ToolSide> {
+        self.holder.as_mut().map(|holder| &mut *holder.side)
+    }
+
+    pub(crate) fn held(&self, now: Timestamp) -> Option<Held<'_>> {
+        self.holder.as_ref().map(|holder| Held {
+            operator: &holder.operator.name,
+            is_connected: holder.side.is_connected(now),
+            silence: Duration::from_secs_f64(holder.side.silence_s(now)),
+            held_for: now.since(holder.since),
+        })
+    }
+
+    pub(crate) fn snapshot(&self) -> Option<HolderSnapshot> {
+        self.holder.as_ref().map(|holder| HolderSnapshot {
+            lease: holder.lease,
+            operator: Arc::clone(&holder.operator),
+            is_connected: holder.was_connected,
+        })
+    }
+}

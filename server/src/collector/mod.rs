@@ -1,0 +1,267 @@
+//! The collector: takes what the tick leaves in its rings and makes of it what everybody else asks for.
+//!
+//! It folds events into each session's [`Snapshot`](teleclay_session::Snapshot), answers orders once what they changed is in there, keeps the statistics,
+//! feeds each session's mirror of the clay, hands samples to the telemetry channel, and drops what the tick is done with.
+
+mod samples;
+mod statistics;
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, Sender};
+use std::sync::{Arc, Mutex};
+use std::thread::{JoinHandle, Thread};
+use std::time::{Duration, Instant};
+
+use rtrb::Consumer;
+use teleclay_clay::{BrickView, Clay};
+use teleclay_session::Event;
+use teleclay_shell::realtime::Timing;
+
+use crate::engine::{Answer, BrickContent, BrickUpdate, Done, Order, SessionRecord, Task};
+use crate::session::SessionShared;
+
+pub(crate) use statistics::{LoopStats, SessionStats};
+
+use statistics::Rate;
+
+/// How often the rings are emptied, where nothing is to be answered meanwhile.
+const ROUND: Duration = Duration::from_millis(10);
+
+/// What the collector is told.
+pub(crate) enum Notice {
+    /// A session was added; its bricks come out of this ring.
+    Added(Arc<SessionShared>, Consumer<BrickUpdate>),
+    /// A session is gone.
+    Removed(u32),
+}
+
+/// The rings that the collector empties.
+pub(crate) struct Sources {
+    pub(crate) timings: Consumer<Timing>,
+    pub(crate) sessions: Consumer<SessionRecord>,
+    pub(crate) events: Consumer<(u32, Event)>,
+    pub(crate) done: Consumer<Done>,
+    pub(crate) notices: Receiver<Notice>,
+}
+
+/// The running collector.
+pub(crate) struct Collector {
+    stop: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+/// The thread before it knows its rings: the tick needs its handle, to wake it.
+pub(crate) struct Waiting {
+    collector: Collector,
+    start: Sender<State>,
+}
+
+impl Drop for Collector {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        if let Some(thread) = self.thread.take() {
+            thread.thread().unpark();
+            // A panic was printed by the thread itself.
+            let _ = thread.join();
+        }
+    }
+}
+
+impl Collector {
+    /// Starts the thread.
+    pub(crate) fn spawn() -> std::io::Result<Waiting> {
+        let stop = Arc::new(AtomicBool::new(false));
+        let asked_to_stop = Arc::clone(&stop);
+        let (start, started) = std::sync::mpsc::channel::<State>();
+        let thread = std::thread::Builder::new()
+            .name("collector".to_owned())
+            .spawn(move || {
+                let Ok(mut state) = started.recv() else {
+                    return;
+                };
+                while !asked_to_stop.load(Ordering::Relaxed) {
+                    state.round();
+                    std::thread::park_timeout(ROUND);
+                }
+            })?;
+        let thread = Some(thread);
+        Ok(Waiting {
+            collector: Self { stop, thread },
+            start,
+        })
+    }
+}
+
+impl Waiting {
+    /// The thread, to be woken when an order was carried out.
+    pub(crate) fn thread(&self) -> Thread {
+        let thread = self.collector.thread.as_ref();
+        thread.expect("it is joined on drop only").thread().clone()
+    }
+
+    /// Lets the thread begin.
+    pub(crate) fn start(self, sources: Sources, loop_stats: Arc<Mutex<LoopStats>>) -> Collector {
+        // The thread waits for it.
+        let _ = self.start.send(State::new(sources, loop_stats));
+        self.collector
+    }
+}
+
+/// Tells the collector of a session. It goes on when the collector is gone: then the server is ending.
+pub(crate) fn notify(notices: &Sender<Notice>, notice: Notice) {
+    let _ = notices.send(notice);
+}
+
+struct Watched {
+    shared: Arc<SessionShared>,
+    bricks: Consumer<BrickUpdate>,
+}
+
+struct State {
+    sources: Sources,
+    loop_stats: Arc<Mutex<LoopStats>>,
+    watched: Vec<Watched>,
+    tick_rate: Rate,
+    ticks: u64,
+    /// Orders that were carried out and are not answered yet.
+    unanswered: Vec<Box<Order>>,
+}
+
+impl State {
+    fn new(sources: Sources, loop_stats: Arc<Mutex<LoopStats>>) -> Self {
+        Self {
+            sources,
+            loop_stats,
+            watched: Vec::new(),
+            tick_rate: Rate::new(Instant::now()),
+            ticks: 0,
+            unanswered: Vec::new(),
+        }
+    }
+
+    fn round(&mut self) {
+        while let Ok(notice) = self.sources.notices.try_recv() {
+            match notice {
+                Notice::Added(shared, bricks) => self.watched.push(Watched { shared, bricks }),
+                Notice::Removed(number) => self
+                    .watched
+                    .retain(|watched| watched.shared.number != number),
+            }
+        }
+        // Before the events: what these tell of an order was told before it was done.
+        while let Ok(done) = self.sources.done.pop() {
+            if let Done::Order(order) = done {
+                self.unanswered.push(order);
+            }
+        }
+        let now = Instant::now();
+        self.take_timings(now);
+        self.take_events();
+        self.take_sessions(now);
+        self.answer_orders();
+        for watched in &mut self.watched {
+            take_bricks(watched);
+        }
+    }
+
+    fn take_timings(&mut self, now: Instant) {
+        let mut stats = self.loop_stats.lock().expect("no holder panics");
+        stats.work.turn(now);
+        stats.lateness.turn(now);
+        while let Ok(timing) = self.sources.timings.pop() {
+            self.ticks += 1;
+            stats.add(&timing, now);
+        }
+        self.tick_rate.turn(now, self.ticks);
+        stats.rate_hz = self.tick_rate.per_s;
+    }
+
+    fn take_events(&mut self) {
+        while let Ok((number, event)) = self.sources.events.pop() {
+            if let Some(shared) = find(&self.watched, number) {
+                shared.take_in(&event);
+            }
+        }
+    }
+
+    fn take_sessions(&mut self, now: Instant) {
+        while let Ok(record) = self.sources.sessions.pop() {
+            let Some(shared) = find(&self.watched, record.session) else {
+                continue;
+            };
+            shared.has_come_to(record.ticks);
+            let before = shared.last_record();
+            samples::publish(shared, &before, &record);
+            shared
+                .stats
+                .lock()
+                .expect("no holder panics")
+                .add(record, now);
+        }
+    }
+
+    /// Answers those whose changes everybody can see by now.
+    fn answer_orders(&mut self) {
+        for mut order in std::mem::take(&mut self.unanswered) {
+            if let (
+                Task::Command {
+                    session, mirror, ..
+                },
+                Answer::Command(Ok(outcome)),
+            ) = (&mut order.task, &order.answer)
+                && let Some(shared) = find(&self.watched, *session)
+            {
+                if shared.snapshot().revision < outcome.revision {
+                    self.unanswered.push(order);
+                    continue;
+                }
+                if let Some(mirror) = mirror.take() {
+                    shared.replace_mirror(mirror);
+                }
+            }
+            let Order { reply, answer, .. } = *order;
+            // Whoever asked may have gone.
+            let _ = reply.send(answer);
+        }
+    }
+}
+
+fn find(watched: &[Watched], number: u32) -> Option<&Arc<SessionShared>> {
+    watched
+        .iter()
+        .map(|watched| &watched.shared)
+        .find(|shared| shared.number == number)
+}
+
+/// Bricks of a block that the mirror does not show yet wait in their ring.
+fn take_bricks(watched: &mut Watched) {
+    if watched.bricks.is_empty() {
+        return;
+    }
+    let mut mirror = watched.shared.mirror.lock().expect("no holder panics");
+    while let Ok(update) = watched.bricks.peek() {
+        if mirror.epoch < update.clay_epoch {
+            return;
+        }
+        if update.clay_epoch == mirror.epoch {
+            replace(&mut mirror.clay, update);
+        }
+        // It was there a moment ago, and nobody else takes from this ring.
+        let _ = watched.bricks.pop();
+    }
+}
+
+fn replace(clay: &mut Clay, update: &BrickUpdate) {
+    let Some(index) = clay.grid().brick_index(update.index) else {
+        return;
+    };
+    let view = match &update.content {
+        BrickContent::Empty => BrickView::Empty,
+        BrickContent::Full => BrickView::Full,
+        BrickContent::Voxels(voxels) => BrickView::Voxels(voxels),
+    };
+    if let Err(error) = clay.replace_brick(index, view) {
+        // The mirror has the engine's own grid, so this is a defect worth knowing.
+        tracing::error!(%error, "a brick did not fit the mirror");
+    }
+}

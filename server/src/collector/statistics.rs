@@ -1,0 +1,184 @@
+//! Statistics of the thread and of its sessions, over the last few seconds.
+
+use std::time::{Duration, Instant};
+
+use hdrhistogram::Histogram;
+use teleclay_proto::http::{Quantiles, TickQuantiles};
+use teleclay_shell::realtime::Timing;
+
+use crate::engine::{SessionRecord, TICK};
+
+/// Quantiles are of the last one to two windows.
+const WINDOW: Duration = Duration::from_secs(5);
+/// Rates are of the last one to two of these.
+const RATE_WINDOW: Duration = Duration::from_secs(1);
+/// Greatest value that the histograms tell apart, ns: a minute.
+const GREATEST_NS: u64 = 60_000_000_000;
+
+/// A histogram over the last one to two windows.
+pub(crate) struct Rolling {
+    current: Histogram<u32>,
+    before: Histogram<u32>,
+    since: Instant,
+}
+
+impl Rolling {
+    pub(crate) fn new() -> Self {
+        let empty = || {
+            let mut histogram =
+                Histogram::new_with_bounds(100, GREATEST_NS, 3).expect("constant bounds are valid");
+            histogram.auto(false);
+            histogram
+        };
+        Self {
+            current: empty(),
+            before: empty(),
+            since: Instant::now(),
+        }
+    }
+
+    pub(crate) fn record(&mut self, nanos: u64) {
+        self.current.saturating_record(nanos.max(100));
+    }
+
+    pub(crate) fn turn(&mut self, now: Instant) {
+        if WINDOW <= now.duration_since(self.since) {
+            std::mem::swap(&mut self.current, &mut self.before);
+            self.current.reset();
+            self.since = now;
+        }
+    }
+
+    fn merged(&self) -> Histogram<u32> {
+        let mut all = self.current.clone();
+        all.add(&self.before).expect("both have the same bounds");
+        all
+    }
+
+    pub(crate) fn quantiles(&self) -> Quantiles {
+        let all = self.merged();
+        Quantiles {
+            p50: seconds(all.value_at_quantile(0.5)),
+            p99: seconds(all.value_at_quantile(0.99)),
+        }
+    }
+
+    pub(crate) fn tick_quantiles(&self) -> TickQuantiles {
+        let all = self.merged();
+        TickQuantiles {
+            p50: seconds(all.value_at_quantile(0.5)),
+            p99: seconds(all.value_at_quantile(0.99)),
+            p999: seconds(all.value_at_quantile(0.999)),
+            max: seconds(all.max()),
+        }
+    }
+}
+
+fn seconds(nanos: u64) -> f64 {
+    nanos as f64 * 1e-9
+}
+
+/// Statistics of the thread, the same for all its sessions.
+pub(crate) struct LoopStats {
+    pub(crate) work: Rolling,
+    pub(crate) lateness: Rolling,
+    /// Ticks that started more than a whole period after their deadline.
+    pub(crate) late_ticks: u64,
+    /// Deadlines given up.
+    pub(crate) given_up: u64,
+    pub(crate) rate_hz: f64,
+    pub(crate) last_tick: Option<Instant>,
+}
+
+/// A rate, from a counter read now and then.
+#[derive(Debug)]
+pub(crate) struct Rate {
+    count: u64,
+    since: Instant,
+    pub(crate) per_s: f64,
+}
+
+impl Rate {
+    pub(crate) fn new(now: Instant) -> Self {
+        Self {
+            count: 0,
+            since: now,
+            per_s: 0.0,
+        }
+    }
+
+    pub(crate) fn turn(&mut self, now: Instant, count: u64) {
+        let span = now.duration_since(self.since);
+        if RATE_WINDOW <= span {
+            self.per_s = count.saturating_sub(self.count) as f64 / span.as_secs_f64();
+            self.count = count;
+            self.since = now;
+        }
+    }
+}
+
+/// Statistics of one session.
+pub(crate) struct SessionStats {
+    pub(crate) record: SessionRecord,
+    pub(crate) rtt: Rolling,
+    pub(crate) age: Rolling,
+    pub(crate) up: Rate,
+    pub(crate) down: Rate,
+}
+
+impl SessionStats {
+    pub(crate) fn new() -> Self {
+        let now = Instant::now();
+        Self {
+            record: SessionRecord::default(),
+            rtt: Rolling::new(),
+            age: Rolling::new(),
+            up: Rate::new(now),
+            down: Rate::new(now),
+        }
+    }
+
+    pub(crate) fn packets_per_s(&self) -> (f64, f64) {
+        (self.up.per_s, self.down.per_s)
+    }
+
+    /// Takes in what the session tells of one tick.
+    pub(crate) fn add(&mut self, record: SessionRecord, now: Instant) {
+        self.rtt.turn(now);
+        self.age.turn(now);
+        let tools = record.tools.iter().flatten();
+        for tool in tools.filter(|tool| tool.is_connected) {
+            if let Some(rtt_s) = tool.rtt_s {
+                self.rtt.record((rtt_s * 1e9) as u64);
+            }
+            self.age.record((tool.silence_s * 1e9) as u64);
+        }
+        self.up.turn(now, record.arrivals.received);
+        self.down.turn(now, record.frames_sent);
+        self.record = record;
+    }
+}
+
+impl LoopStats {
+    /// Takes in one tick.
+    pub(crate) fn add(&mut self, timing: &Timing, now: Instant) {
+        self.work.record(timing.work_ns);
+        self.lateness.record(timing.lateness_ns);
+        self.late_ticks += u64::from((TICK.as_nanos() as u64) < timing.lateness_ns);
+        self.given_up += timing.given_up;
+        self.last_tick = Some(now);
+    }
+}
+
+impl Default for LoopStats {
+    fn default() -> Self {
+        Self {
+            work: Rolling::new(),
+            lateness: Rolling::new(),
+            late_ticks: 0,
+            given_up: 0,
+            rate_hz: 0.0,
+            last_tick: None,
+        }
+    }
+}
