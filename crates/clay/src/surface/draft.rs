@@ -163,7 +163,7 @@ impl Draft {
         let voxel =
             std::array::from_fn(|axis| window.first[axis] + cell[axis] as i16 - HALO as i16);
         let next = self.vertices.len() as u32;
-        let is_last = |at: &usize| at % BRICK_EDGE == 0;
+        let is_last = |at: &usize| at.is_multiple_of(BRICK_EDGE);
         let vertex = match seams {
             Some(seams) if [x, y, z].iter().any(is_last) => seams.known_or(voxel, number, next),
             _ => next,
