@@ -1,4 +1,4 @@
-//! A binary STL file: its volume, and whether it is watertight. Reads the file format alone, so it is independent of what wrote it.
+//! A binary STL file: its volume, and whether it is a closed manifold. Reads the file format alone, so it is independent of what wrote it.
 
 use std::collections::HashMap;
 
@@ -9,7 +9,7 @@ use anyhow::{Result, ensure};
 pub struct Audit {
     /// Triangles.
     pub triangles: usize,
-    /// Directed edges that do not have exactly as many partners the other way: none in a watertight mesh.
+    /// Edges that do not belong to exactly two triangles which pass them in opposite directions: none in a closed manifold.
     pub open_edges: usize,
     /// Volume inside, by the divergence theorem, in the file's unit cubed; below zero when faces look inwards.
     pub volume: f64,
@@ -33,7 +33,8 @@ pub fn audit(stl: &[u8]) -> Result<Audit> {
         "{} bytes do not hold {count} triangles",
         stl.len()
     );
-    let mut edges: HashMap<[[u32; 3]; 2], i64> = HashMap::with_capacity(3 * count);
+    // How often an edge is passed one way, and how often the other.
+    let mut edges: HashMap<[[u32; 3]; 2], [usize; 2]> = HashMap::with_capacity(3 * count);
     let mut six_volumes = 0.0;
     for facet in stl[HEADER + 4..].chunks_exact(FACET) {
         let number = |index: usize| {
@@ -50,12 +51,7 @@ pub fn audit(stl: &[u8]) -> Result<Audit> {
         );
         for (from, to) in [(0, 1), (1, 2), (2, 0)] {
             let (from, to) = (key(corners[from]), key(corners[to]));
-            // Counted up one way and down the other: what is left is open.
-            if from < to {
-                *edges.entry([from, to]).or_default() += 1;
-            } else {
-                *edges.entry([to, from]).or_default() -= 1;
-            }
+            edges.entry([from.min(to), from.max(to)]).or_default()[usize::from(to < from)] += 1;
         }
         let [a, b, c] = corners.map(|corner| corner.map(f64::from));
         six_volumes += a[0] * (b[1] * c[2] - b[2] * c[1])
@@ -64,7 +60,7 @@ pub fn audit(stl: &[u8]) -> Result<Audit> {
     }
     Ok(Audit {
         triangles: count,
-        open_edges: edges.values().filter(|&&balance| balance != 0).count(),
+        open_edges: edges.values().filter(|&&passed| passed != [1, 1]).count(),
         volume: six_volumes / 6.0,
     })
 }
@@ -102,6 +98,27 @@ mod tests {
         let audit = audit(&tetrahedron(4)).unwrap();
         assert_eq!((audit.triangles, audit.open_edges), (4, 0));
         assert!((audit.volume - 1.0 / 6.0).abs() < 1e-12, "{audit:?}");
+    }
+
+    #[test]
+    fn an_edge_of_four_triangles_is_found() {
+        let one = tetrahedron(4);
+        // The same again on the other side of the edge along z.
+        let mut stl = one.clone();
+        stl[80..84].copy_from_slice(&8_u32.to_le_bytes());
+        for facet in one[84..].chunks_exact(50) {
+            let mut facet = facet.to_vec();
+            for corner in [12, 24, 36] {
+                for axis in [0, 4] {
+                    // x and y change their sign: their highest bit.
+                    facet[corner + axis + 3] ^= 0x80;
+                }
+            }
+            stl.extend(facet);
+        }
+        let audit = audit(&stl).unwrap();
+        assert_eq!((audit.triangles, audit.open_edges), (8, 1));
+        assert!((audit.volume - 1.0 / 3.0).abs() < 1e-12, "{audit:?}");
     }
 
     #[test]

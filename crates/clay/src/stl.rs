@@ -8,12 +8,11 @@
 //! +------------------+---------+----------------------------------------------+
 //! ```
 //!
-//! Numbers are little-endian. Lengths are in millimetres, as programs that read STL assume.
+//! Numbers are little-endian. Lengths are in millimetres, as programs that read STL assume. The header says so, and
+//! what volume the triangles enclose.
 
 use crate::surface::Mesh;
 
-/// The header must not begin with `solid`, by which readers know the text form of STL.
-const HEADER: &[u8] = b"binary STL of clay carved with teleclay, lengths in millimetres";
 const HEADER_BYTES: usize = 80;
 const TRIANGLE_BYTES: usize = 50;
 const MILLIMETRES_PER_METRE: f32 = 1e3;
@@ -22,7 +21,7 @@ const MILLIMETRES_PER_METRE: f32 = 1e3;
 #[must_use]
 pub fn encode(mesh: &Mesh) -> Vec<u8> {
     let mut bytes = Vec::with_capacity(HEADER_BYTES + 4 + TRIANGLE_BYTES * mesh.triangles.len());
-    bytes.extend_from_slice(HEADER);
+    bytes.extend_from_slice(header(mesh).as_bytes());
     bytes.resize(HEADER_BYTES, b' ');
     bytes.extend_from_slice(&(mesh.triangles.len() as u32).to_le_bytes());
     for triangle in &mesh.triangles {
@@ -36,6 +35,13 @@ pub fn encode(mesh: &Mesh) -> Vec<u8> {
         bytes.extend_from_slice(&[0, 0]);
     }
     bytes
+}
+
+/// It must not begin with `solid`, by which readers know the text form of STL.
+fn header(mesh: &Mesh) -> String {
+    // The sum over no triangles is a negative zero.
+    let volume_mm3 = 1e9 * mesh.volume_m3() + 0.0;
+    format!("binary STL of teleclay, lengths in millimetres, encloses {volume_mm3:.6e} mm3")
 }
 
 /// The unit normal of a triangle; zero for one without area, which leaves it to the reader.
@@ -67,7 +73,8 @@ mod tests {
         let bytes = encode(&mesh);
         assert_eq!(bytes.len(), 84 + 2 * 50);
         assert!(!bytes.starts_with(b"solid"));
-        assert!(bytes[..80].is_ascii());
+        let header = std::str::from_utf8(&bytes[..80]).unwrap();
+        assert!(header.is_ascii() && header.contains("encloses 0.000000e0 mm3"));
         assert_eq!(bytes[80..84], 2_u32.to_le_bytes());
         let floats = |from: usize| -> Vec<f32> {
             bytes[from..from + 48]
@@ -88,6 +95,17 @@ mod tests {
             close(&floats(134)[..3], &[0.0; 3]),
             "no area, no normal, and above all no NaN"
         );
+    }
+
+    #[test]
+    fn the_header_says_what_is_enclosed() {
+        let mesh = Mesh {
+            positions_m: vec![[0.0; 3], [3.0, 0.0, 0.0], [0.0, 4.0, 0.0], [0.0, 0.0, 5.0]],
+            triangles: vec![[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]],
+        };
+        let bytes = encode(&mesh);
+        let header = std::str::from_utf8(&bytes[..80]).unwrap().trim_end();
+        assert!(header.ends_with("encloses 1.000000e10 mm3"), "{header}");
     }
 
     #[test]

@@ -1,23 +1,60 @@
-//! The clay's surface as a closed mesh, by surface nets.
+//! The clay's surface as a closed two-manifold, by surface nets \[G98\].
 //!
-//! Every cell between eight voxel centres that are not all clay or all air gets one vertex, in the mean of the places where its
-//! edges pass half occupancy. Every edge between clay and air gets a quadrilateral of the four cells about it. Beyond the grid there
-//! is air, so the mesh closes around the block.
+//! A *cell* lies between eight voxel centres. A voxel counts as clay from half occupancy on, and beyond the grid there
+//! is air, so the mesh closes around the block. Where an edge of a cell leads from clay to air, the surface crosses it.
+//! On a face of a cell the crossings are joined by *segments*, and in a cell the segments form *loops* ([`cell`]).
+//! Every loop gets one vertex, in the mean of its crossings; every crossing gets a quadrilateral of the four loops
+//! through it, cut into two triangles.
 //!
-//! Each side of a quadrilateral runs through the face between two cells. Along the four edges of that face clay and air change an even number of
-//! times, as often one way as the other, so every directed side meets its opposite: the mesh has no boundary.
+//! # Every edge belongs to exactly two triangles
 //!
-//! Only cells near bricks that are neither all air nor all clay together with their neighbours are visited.
+//! This holds for any occupancies, at the border of the block and between bricks as everywhere else, because it follows
+//! from nothing but which voxels count as clay:
+//!
+//! 1. *Segments are the same from both sides.* A face of a cell has 0, 2 or 4 crossings on its four edges. Two are one
+//!    segment. Four are two segments, which either cut off the two voxels of clay, each one, or the two of air; which
+//!    of these is decided for the face, from the voxels of both its cells.
+//! 2. *Segments form loops.* A crossing of a cell lies on two of its faces, and on each of them at the end of one
+//!    segment.
+//! 3. *A side of a quadrilateral belongs to two quadrilaterals.* It joins loops of two neighbouring cells and stands
+//!    for a segment on the face between them; the two quadrilaterals are those of the segment's two ends. They pass the
+//!    side in opposite directions, since clay lies on opposite sides of the two crossings as one goes around the face.
+//! 4. *No two segments make the same side.* They would be on the same face, as two cells share only one, and belong to
+//!    one loop in both cells. So the rule is: on a face with four crossings the segments cut off clay, unless this
+//!    would put both into one loop in both cells; then they cut off air, which parts the loop in both
+//!    ([`cell::Configuration`]).
+//! 5. *A diagonal belongs to one quadrilateral.* It joins loops of two cells that share nothing but the edge which the
+//!    quadrilateral is about, so it is different from all sides and from all other diagonals.
+//! 6. *Different vertices are different points, also as `f32` in millimetres.* A vertex keeps [`MARGIN`] away from the
+//!    sides of its cell, and two loops of one cell stay in different halves of it, as far from the middle.
+//! 7. *Every triangle has an area.* Seen along its edge, the corners of a quadrilateral lie in the four quadrants about
+//!    the edge, so it is a star around it. At least one diagonal cuts such a star into two triangles that face the same
+//!    way, and it is taken.
+//!
+//! The triangles around a vertex follow its loop, so they form one fan: the surface is a manifold at its vertices, too.
+//!
+//! # The mesh encloses what is left
+//!
+//! A crossing lies where the clay of its two voxels would end if it filled the axis from one side ([`cell`]), so a
+//! plane across voxels is where it should be. A cell between voxels that are all full or empty has its vertex in the
+//! middle, where they meet: a voxel by itself is a cube, and a fresh block of whole voxels has sharp edges. (On a
+//! slanted plane there is no such cell, as the eight voxels' centres span exactly the width over which occupancy goes
+//! from full to empty.) What bevels along other edges take away, and clay that is too thin to have a surface of its
+//! own, is made up for by a shift of all vertices along their normals, the same for all ([`volume`]). It moves vertices
+//! within their halves of their cells only, so everything above still holds.
+
+mod cell;
+mod draft;
+mod volume;
 
 use crate::clay::Clay;
-use crate::field::{BrickView, SOLID};
-use crate::grid::{BRICK_EDGE, BRICK_VOXELS};
+use crate::grid::BrickIndex;
+use draft::Draft;
 
-/// Occupancy from which on a voxel counts as clay; the surface is at half of solid.
-const CLAY_FROM: u8 = SOLID / 2 + 1;
-const HALF: f32 = SOLID as f32 / 2.0;
-/// Samples along the edge of a brick's cells: one more than cells.
-const SAMPLES: usize = BRICK_EDGE + 1;
+/// How far a vertex stays from the sides of its cell, voxels. So small that clay of the least occupancy, one of 255,
+/// has room for its volume between its vertices. So large that vertices are told apart: coordinates are rounded to
+/// `f32` twice, each time by 2^-15 voxels at most at the far end of a grid of 512, and 2^-14 is a sixteenth of it.
+const MARGIN: f32 = 1.0 / 1024.0;
 
 /// A triangle mesh in the clay frame.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -29,10 +66,32 @@ pub struct Mesh {
 }
 
 impl Mesh {
-    /// The surface of the clay. Empty for clay that is all gone.
+    /// The surface of the clay: a closed manifold that encloses the volume that is left. Empty for clay that is all
+    /// gone.
+    ///
+    /// The volume is right to a thousandth wherever moving the surface within its cells can make it so, which is the case
+    /// for what tools leave behind. Of clay that is porous throughout the mesh encloses more than is left;
+    /// [`Mesh::volume_m3`] says how much.
     #[must_use]
     pub fn of(clay: &Clay) -> Self {
-        Surfacer::new(clay).surface()
+        volume::fitted(clay).map_or_else(Self::default, |(draft, shift)| {
+            draft.finish(clay.grid().voxel_size_m(), shift)
+        })
+    }
+
+    /// The part of the surface that belongs to a brick: around the edges of cells that begin in its voxels, and at the
+    /// lower sides of the grid around those that begin in the air before it.
+    ///
+    /// Parts of neighbouring bricks have the vertices along their seam in common, bit by bit. The parts of all bricks
+    /// are the whole surface before the shift that makes its volume right. A part depends on the brick's voxels and on
+    /// two layers around them.
+    ///
+    /// # Panics
+    /// When the index comes from a larger grid.
+    #[must_use]
+    pub fn of_brick(clay: &Clay, index: BrickIndex) -> Self {
+        let draft = Draft::of_brick(clay, index, volume::HALF_SOLID);
+        draft.finish(clay.grid().voxel_size_m(), 0.0)
     }
 
     /// Volume that the mesh encloses, m³, by the divergence theorem.
@@ -50,209 +109,4 @@ impl Mesh {
             .sum();
         six_volumes / 6.0
     }
-}
-
-/// Occupancies of the voxels whose cells belong to a brick: the brick's own, and one more layer along each axis.
-type Samples = [u8; SAMPLES * SAMPLES * SAMPLES];
-
-/// The cells of a brick that have vertices. Bricks of cells begin one before the grid, for the air around it.
-struct CellBrick {
-    /// Where the brick's cells begin, in bricks; -1 for those before the grid.
-    at: [i32; 3],
-    /// A bit for each cell with a vertex, and before each word the number of the word's first vertex.
-    cells: [u64; BRICK_VOXELS / 64],
-    first_vertices: [u32; BRICK_VOXELS / 64],
-}
-
-struct Surfacer<'a> {
-    clay: &'a Clay,
-    /// Bricks of cells along x, y, z.
-    counts: [usize; 3],
-    bricks: Vec<Option<Box<CellBrick>>>,
-    mesh: Mesh,
-}
-
-impl<'a> Surfacer<'a> {
-    fn new(clay: &'a Clay) -> Self {
-        let counts = clay.grid().bricks().map(|count| usize::from(count) + 1);
-        Self {
-            clay,
-            counts,
-            bricks: Vec::new(),
-            mesh: Mesh::default(),
-        }
-    }
-
-    fn surface(mut self) -> Mesh {
-        let mut samples = [0; SAMPLES * SAMPLES * SAMPLES];
-        for place in 0..self.counts.iter().product() {
-            let at = self.brick_at(place);
-            let brick = self
-                .gather(at, &mut samples)
-                .then(|| self.place_vertices(at, &samples));
-            self.bricks.push(brick);
-        }
-        for place in 0..self.bricks.len() {
-            let Some(at) = self.bricks[place].as_ref().map(|brick| brick.at) else {
-                continue;
-            };
-            self.gather(at, &mut samples);
-            self.join_vertices(at, &samples);
-        }
-        self.mesh
-    }
-
-    fn brick_at(&self, place: usize) -> [i32; 3] {
-        let [x, y, _] = self.counts;
-        [place % x, place / x % y, place / x / y].map(|at| at as i32 - 1)
-    }
-
-    /// Fetches the samples of a brick of cells; `false` if they are all air or all clay.
-    fn gather(&self, at: [i32; 3], samples: &mut Samples) -> bool {
-        let views: [BrickView<'_>; 8] = std::array::from_fn(|corner| {
-            let brick = [0, 1, 2].map(|axis| u16::try_from(at[axis] + (corner >> axis & 1) as i32));
-            match brick {
-                [Ok(x), Ok(y), Ok(z)] => {
-                    let index = self.clay.grid().brick_at([x, y, z]);
-                    index.map_or(BrickView::Empty, |index| self.clay.brick(index))
-                }
-                _ => BrickView::Empty,
-            }
-        });
-        let uniform = !matches!(views[0], BrickView::Voxels(_));
-        if uniform && views.iter().all(|view| *view == views[0]) {
-            return false;
-        }
-        for (number, sample) in samples.iter_mut().enumerate() {
-            let [x, y, z] = places(number, SAMPLES);
-            let corner = x / BRICK_EDGE + y / BRICK_EDGE * 2 + z / BRICK_EDGE * 4;
-            *sample = match views[corner] {
-                BrickView::Empty => 0,
-                BrickView::Full => SOLID,
-                BrickView::Voxels(voxels) => {
-                    voxels[number_of([x, y, z].map(|at| at % BRICK_EDGE), BRICK_EDGE)]
-                }
-            };
-        }
-        true
-    }
-
-    /// Gives vertices to the cells through which the surface runs.
-    fn place_vertices(&mut self, at: [i32; 3], samples: &Samples) -> Box<CellBrick> {
-        let mut brick = Box::new(CellBrick {
-            at,
-            cells: [0; BRICK_VOXELS / 64],
-            first_vertices: [0; BRICK_VOXELS / 64],
-        });
-        let voxel_size_m = self.clay.grid().voxel_size_m();
-        for cell in 0..BRICK_VOXELS {
-            if cell % 64 == 0 {
-                brick.first_vertices[cell / 64] = self.mesh.positions_m.len() as u32;
-            }
-            let place = places(cell, BRICK_EDGE);
-            let Some(in_cell) = vertex_in_cell(&corners(samples, place)) else {
-                continue;
-            };
-            brick.cells[cell / 64] |= 1 << (cell % 64);
-            self.mesh.positions_m.push(std::array::from_fn(|axis| {
-                let voxel = at[axis] * BRICK_EDGE as i32 + place[axis] as i32;
-                ((f64::from(voxel) + f64::from(in_cell[axis]) + 0.5) * voxel_size_m) as f32
-            }));
-        }
-        brick
-    }
-
-    /// Joins the four vertices about each edge between clay and air.
-    fn join_vertices(&mut self, at: [i32; 3], samples: &Samples) {
-        for cell in 0..BRICK_VOXELS {
-            let place = places(cell, BRICK_EDGE);
-            let here = CLAY_FROM <= samples[number_of(place, SAMPLES)];
-            for axis in 0..3 {
-                let mut next = place;
-                next[axis] += 1;
-                let there = CLAY_FROM <= samples[number_of(next, SAMPLES)];
-                if here == there {
-                    continue;
-                }
-                let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
-                let voxel: [i32; 3] =
-                    std::array::from_fn(|axis| at[axis] * BRICK_EDGE as i32 + place[axis] as i32);
-                let vertex = |back_u: i32, back_v: i32| {
-                    let mut cell = voxel;
-                    cell[u] -= back_u;
-                    cell[v] -= back_v;
-                    self.vertex_of(cell)
-                };
-                // Counter-clockwise about the axis, which points from clay to air or the other way.
-                let [a, b, c, d] = [vertex(1, 1), vertex(0, 1), vertex(0, 0), vertex(1, 0)];
-                let triangles = if here {
-                    [[a, b, c], [a, c, d]]
-                } else {
-                    [[a, c, b], [a, d, c]]
-                };
-                self.mesh.triangles.extend(triangles);
-            }
-        }
-    }
-
-    /// The vertex of the cell whose lowest corner is this voxel. It has one, as an edge about it changes between clay and air.
-    fn vertex_of(&self, voxel: [i32; 3]) -> u32 {
-        let edge = BRICK_EDGE as i32;
-        let [x, y, z] = voxel.map(|at| (at.div_euclid(edge) + 1) as usize);
-        let place = (z * self.counts[1] + y) * self.counts[0] + x;
-        let brick = self.bricks[place]
-            .as_ref()
-            .expect("a cell with a changing edge has a brick");
-        let cell = number_of(voxel.map(|at| at.rem_euclid(edge) as usize), BRICK_EDGE);
-        let before = brick.cells[cell / 64] & ((1 << (cell % 64)) - 1);
-        brick.first_vertices[cell / 64] + before.count_ones()
-    }
-}
-
-/// The place of a numbered cell or sample along x, y, z.
-const fn places(number: usize, edge: usize) -> [usize; 3] {
-    [number % edge, number / edge % edge, number / edge / edge]
-}
-
-const fn number_of([x, y, z]: [usize; 3], edge: usize) -> usize {
-    (z * edge + y) * edge + x
-}
-
-/// Occupancies at the corners of a cell: x fastest, then y, then z.
-fn corners(samples: &Samples, [x, y, z]: [usize; 3]) -> [u8; 8] {
-    std::array::from_fn(|corner| {
-        let place = [x + (corner & 1), y + (corner >> 1 & 1), z + (corner >> 2)];
-        samples[number_of(place, SAMPLES)]
-    })
-}
-
-/// Mean of the places, from 0 to 1 along x, y, z, where the edges of a cell pass half occupancy.
-fn vertex_in_cell(corners: &[u8; 8]) -> Option<[f32; 3]> {
-    let clay = corners
-        .iter()
-        .filter(|&&corner| CLAY_FROM <= corner)
-        .count();
-    if clay == 0 || clay == corners.len() {
-        return None;
-    }
-    let (mut sum, mut count) = ([0.0; 3], 0.0);
-    for axis in 0..3 {
-        for start in (0..8).filter(|corner| corner >> axis & 1 == 0) {
-            let (a, b) = (corners[start], corners[start | 1 << axis]);
-            if (CLAY_FROM <= a) == (CLAY_FROM <= b) {
-                continue;
-            }
-            let (a, b) = (f32::from(a), f32::from(b));
-            let along = (HALF - a) / (b - a);
-            for (at, total) in sum.iter_mut().enumerate() {
-                *total += if at == axis {
-                    along
-                } else {
-                    (start >> at & 1) as f32
-                };
-            }
-            count += 1.0;
-        }
-    }
-    Some(sum.map(|total| total / count))
 }

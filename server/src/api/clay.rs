@@ -28,7 +28,9 @@ refusals!(ModelRefusals: PATH, NO_SUCH_SESSION, BUSY);
 
 /// The clay as binary STL
 ///
-/// A closed surface in the clay's frame, in millimetres, which is what programs for printing take the numbers of an STL for.
+/// The clay's surface in its own frame, in millimetres, which is what programs for printing take the numbers of an STL for: a closed
+/// manifold, each edge of exactly two triangles, facing outwards. It encloses the clay's remaining volume, to a thousandth unless
+/// clay is porous throughout, which tools do not make of it. The header says the volume that the triangles enclose.
 #[utoipa::path(
     get, path = "/sessions/{id}/clay.stl", tag = "clay",
     params(("id" = String, Path, description = "The session's name")),
