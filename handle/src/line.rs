@@ -16,9 +16,9 @@ use zenoh::pubsub::Subscriber;
 use zenoh::sample::{Sample, SampleKind};
 use zenoh::{Session, Wait};
 
-use crate::join::Welcome;
 use crate::outbox::Sender;
 use crate::seat::{Arrived, Seat};
+use crate::welcome::Welcome;
 
 /// Why a lease cannot be used.
 #[derive(Debug, thiserror::Error)]

@@ -13,8 +13,9 @@ use super::{Failure, Rig, Run, close};
 use crate::device::Workplace;
 use crate::engine::{Engine, Order};
 use crate::event::Event;
-use crate::join::{self, Invitation, OldLease, Welcome};
+use crate::join::{self, Invitation, OldLease};
 use crate::line::Line;
+use crate::welcome::Welcome;
 
 impl Run {
     /// Asks for a lease until one is granted; for the old one, if there was one.

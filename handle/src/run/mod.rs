@@ -28,12 +28,13 @@ use zenoh::Session;
 use crate::device::{Device, DeviceError, Workplace};
 use crate::engine::{Ends, Mode, Order};
 use crate::event::Event;
-use crate::join::{self, JoinError, Welcome};
+use crate::join::{self, JoinError};
 use crate::line::Line;
 use crate::recording::Recording;
 use crate::refresh::Fresh;
 use crate::singularity::Lookout;
 use crate::status::{State, Status, Tally};
+use crate::welcome::Welcome;
 
 pub use failure::{EXIT_CODES, Failure};
 

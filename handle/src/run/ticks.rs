@@ -9,8 +9,9 @@ use super::{Failure, Run};
 use crate::device::DeviceRequest;
 use crate::engine::{Order, Record};
 use crate::event::Event;
-use crate::join::{self, Welcome};
+use crate::join;
 use crate::refresh::{self, Fresh, Wishes};
+use crate::welcome::Welcome;
 
 /// Without frames for this long a lease counts as lost. Shorter gaps mend themselves.
 const LOST_AFTER: Duration = Duration::from_secs(1);
