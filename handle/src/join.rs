@@ -8,8 +8,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use teleclay_proto::http::{Validate, parse};
 use teleclay_proto::join::{
-    FreshReply, FreshRequest, Granted, JoinReply, JoinRequest, LeaveReply, LeaveRequest,
-    RefusalCode,
+    FreshReply, FreshRequest, JoinReply, JoinRequest, LeaveReply, LeaveRequest, RefusalCode,
 };
 use teleclay_proto::keys::{self, Key, Leaf, SessionKeys};
 use teleclay_proto::{RealmName, SessionId};
@@ -19,6 +18,7 @@ use zenoh::Session;
 use zenoh::query::{ConsolidationMode, QueryTarget};
 
 use crate::event::Event;
+use crate::grant::JoinGrant;
 
 /// Pause between two attempts to join.
 const TRY_EVERY: Duration = Duration::from_millis(200);
@@ -41,13 +41,6 @@ pub(crate) struct JoinTarget {
     pub(crate) realm: RealmName,
     pub(crate) session: SessionId,
     pub(crate) request: JoinRequest,
-}
-
-/// A lease, and where it holds.
-#[derive(Clone, Debug)]
-pub(crate) struct JoinGrant {
-    pub(crate) keys: SessionKeys,
-    pub(crate) granted: Granted,
 }
 
 /// A lease that was held before, perhaps lost.

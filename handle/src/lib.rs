@@ -10,7 +10,7 @@
 //! | [`recording`] | every tick in a file |
 //!
 //! Within, `engine` is the tick; `attachment` is one lease as the tick holds it, and `line` the network's end of the same lease; `outbox` carries
-//! frames from the one to the other; `brake` brings the handle to rest when loops are exchanged; `join` asks the server;
+//! frames from the one to the other; `brake` brings the handle to rest when loops are exchanged; `join` asks the server, and `grant` is its yes;
 //! `singularity` tells when a robot comes near one.
 //!
 //! `refresh` fetches what the loop wants to know while it runs: changed parameters, and snapshots of the clay for the replica.
@@ -36,6 +36,7 @@ mod join;
 mod line;
 mod outbox;
 mod singularity;
+mod grant;
 
 pub use join::JoinError;
 pub use line::LineError;

@@ -17,7 +17,7 @@ use zenoh::sample::{Sample, SampleKind};
 use zenoh::{Session, Wait};
 
 use crate::attachment::{Arrived, Attachment};
-use crate::join::JoinGrant;
+use crate::grant::JoinGrant;
 use crate::outbox::Sender;
 
 /// Why a lease cannot be used.

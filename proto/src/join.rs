@@ -6,7 +6,9 @@
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-use crate::http::{ClayShape, FieldError, Validate, check, check_text};
+use crate::http::ClayShape;
+use crate::scheme::MAX_DEADBAND;
+use crate::validate::{FieldError, Validate, check, check_text};
 use crate::{Axes, Material, NodeName, Scheme, ToolDescription};
 
 /// Longest name of an operator or of a device, in characters.
@@ -144,9 +146,6 @@ pub enum FreshReply {
         reason: String,
     },
 }
-
-/// Beyond half of a force nothing is felt as the same.
-pub(crate) const MAX_DEADBAND: f64 = 0.5;
 
 /// How to run the loop; both sides run the same. The answer to a query of `…/parameters`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]

@@ -27,6 +27,7 @@ mod names;
 mod scheme;
 mod sequence;
 mod tool;
+mod validate;
 mod word;
 
 pub use error::FrameError;

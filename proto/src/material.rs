@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-use crate::http::{FieldError, Validate, check};
+use crate::validate::{FieldError, Validate, check};
 
 /// Bingham clay: force `-(yield_stress + viscosity · |v|) · area`; below yield elastic.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]

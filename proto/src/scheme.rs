@@ -9,6 +9,9 @@ use utoipa::{PartialSchema, ToSchema};
 
 use crate::word::words;
 
+/// Largest deadband: beyond half of a force nothing is felt as the same.
+pub(crate) const MAX_DEADBAND: f64 = 0.5;
+
 words! {
     /// The law that couples the handle and the tool.
     #[derive(Default, Serialize, Deserialize, ToSchema)]

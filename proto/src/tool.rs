@@ -3,8 +3,8 @@
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-use crate::http::{FieldError, Validate, check};
 use crate::length::to_nanometres;
+use crate::validate::{FieldError, Validate, check};
 
 /// The shape of a tool. In JSON `{"kind": "ball", "radius_m": 0.0064}`; lengths are kept to the nanometre, so that every
 /// reader has the same.

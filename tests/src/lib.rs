@@ -5,6 +5,7 @@
 //! |---|---|
 //! | [`process`] | a process under test, its words, its end |
 //! | [`stage`] | server, handle and relay as processes on ports of their own |
+//! | [`demo`] | the whole of `cargo demo` but its build |
 //! | [`client`] | the server's HTTP interface |
 //! | [`watcher`] | a WebSocket that is read as slowly as one likes |
 //! | [`recording`] | what a handle wrote down, tick by tick |
@@ -14,6 +15,7 @@
 //! | [`soak`] | a long run that watches its own memory |
 
 pub mod client;
+pub mod demo;
 pub mod mesh;
 pub mod namespaces;
 pub mod process;

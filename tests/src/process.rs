@@ -7,7 +7,7 @@ use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
-use anyhow::{Context as _, Result, bail};
+use anyhow::{Context as _, Result, bail, ensure};
 
 /// Whatever is waited for happens within this on a machine that does ten other things; a test that asks for less says so itself.
 pub const PATIENCE: Duration = Duration::from_secs(60);
@@ -48,7 +48,7 @@ pub fn program(name: &str) -> Result<PathBuf> {
         .find(|folder| folder.file_name().is_some_and(|name| name != "deps"))
         .context("a test lies in a folder")?;
     let path = folder.join(name);
-    anyhow::ensure!(
+    ensure!(
         path.is_file(),
         "{} is missing: cargo build --release first",
         path.display()
@@ -71,23 +71,51 @@ pub(crate) fn scratch() -> Result<PathBuf> {
 pub struct Process {
     name: String,
     child: Child,
-    folder: PathBuf,
+    stdout: PathBuf,
+    stderr: PathBuf,
+    /// The folder of a test's files, which goes with the process.
+    scratch: Option<PathBuf>,
     has_ended: bool,
 }
 
 impl Process {
-    /// Starts `command`, whatever it is; `name` is for people.
+    /// Starts `command`, whatever it is; `name` is for people. What it says lies in a folder of its own, which ends with it.
     ///
     /// # Errors
     /// It cannot be started.
-    pub fn start(name: &str, mut command: Command) -> Result<Self> {
+    pub fn start(name: &str, command: Command) -> Result<Self> {
         let folder = scratch()?;
+        let [stdout, stderr] = ["stdout", "stderr"].map(|file| folder.join(file));
+        Self::spawn(name, command, stdout, stderr, Some(folder))
+    }
+
+    /// Starts `command` with all that it says in `log`, which stays. Ctrl-C reaches us alone, so that we stop it in order.
+    ///
+    /// # Errors
+    /// It cannot be started, or the log cannot be written.
+    pub fn start_with_log(name: &str, mut command: Command, log: PathBuf) -> Result<Self> {
+        command.process_group(0);
+        Self::spawn(name, command, log.clone(), log, None)
+    }
+
+    fn spawn(
+        name: &str,
+        mut command: Command,
+        stdout: PathBuf,
+        stderr: PathBuf,
+        scratch: Option<PathBuf>,
+    ) -> Result<Self> {
+        let open = |path: &Path| {
+            // Both outputs append, so that neither overwrites the other in a common log.
+            File::create(path)
+                .and_then(|_| File::options().append(true).open(path))
+                .with_context(|| format!("{} cannot be written", path.display()))
+        };
         command
             .env("NO_COLOR", "1")
-            .env_remove("TELECLAY_TOKEN")
             .stdin(Stdio::piped())
-            .stdout(File::create(folder.join("stdout"))?)
-            .stderr(File::create(folder.join("stderr"))?);
+            .stdout(open(&stdout)?)
+            .stderr(open(&stderr)?);
         end_with_us(&mut command);
         let child = command
             .spawn()
@@ -95,24 +123,21 @@ impl Process {
         Ok(Self {
             name: name.to_owned(),
             child,
-            folder,
+            stdout,
+            stderr,
+            scratch,
             has_ended: false,
         })
     }
 
     /// What it has printed.
     pub fn stdout(&self) -> String {
-        self.read("stdout")
+        read(&self.stdout)
     }
 
     /// What it has logged.
     pub fn stderr(&self) -> String {
-        self.read("stderr")
-    }
-
-    /// The folder that its output lies in; room for other files of the test.
-    pub fn folder(&self) -> &Path {
-        &self.folder
+        read(&self.stderr)
     }
 
     /// Its id.
@@ -215,21 +240,57 @@ impl Process {
         self.ends()
     }
 
+    /// Asks it to end, as an operating system does, and insists that it does so well.
+    ///
+    /// # Errors
+    /// It had ended before, did not end within `patience`, or ended with an error.
+    pub fn stop(mut self, patience: Duration) -> Result<()> {
+        self.expect_alive()?;
+        self.signal(libc::SIGTERM);
+        let status = self.ends_within(patience)?;
+        ensure!(
+            status.success(),
+            "{} stopped with an error ({status}); {}",
+            self.name,
+            self.last_words()
+        );
+        Ok(())
+    }
+
     /// Waits for it to end by itself.
     ///
     /// # Errors
     /// It did not end in time.
     pub fn ends(&mut self) -> Result<ExitStatus> {
+        self.ends_within(PATIENCE)
+    }
+
+    fn ends_within(&mut self, patience: Duration) -> Result<ExitStatus> {
         let began = Instant::now();
         loop {
             if let Some(status) = self.poll_end()? {
                 return Ok(status);
             }
-            if PATIENCE < began.elapsed() {
-                bail!("{} did not end", self.name);
+            if patience < began.elapsed() {
+                bail!("{} did not end within {patience:?}", self.name);
             }
             std::thread::sleep(LOOK_EVERY);
         }
+    }
+
+    /// Fails when it has ended by itself, with its last words.
+    ///
+    /// # Errors
+    /// It has ended.
+    pub fn expect_alive(&mut self) -> Result<()> {
+        let Some(status) = self.poll_end()? else {
+            return Ok(());
+        };
+        bail!(
+            "{} ended by itself ({status}); {}",
+            self.name,
+            self.last_words()
+        );
     }
 
     /// Its status, once it has ended.
@@ -242,11 +303,18 @@ impl Process {
         Ok(status)
     }
 
-    fn read(&self, file: &str) -> String {
-        // A file that is being written may end within a letter.
-        fs::read(self.folder.join(file))
-            .map(|bytes| String::from_utf8_lossy(&bytes).into_owned())
-            .unwrap_or_default()
+    fn last_words(&self) -> String {
+        let text = self.stderr();
+        let lines = text.lines().count();
+        let mut words = format!("the end of {}:", self.stderr.display());
+        for line in text.lines().skip(lines.saturating_sub(40)) {
+            words.push_str("\n    ");
+            words.push_str(line);
+        }
+        if lines == 0 {
+            words.push_str(" nothing was written");
+        }
+        words
     }
 }
 
@@ -258,20 +326,19 @@ impl Drop for Process {
             self.child.wait().ok();
         }
         if std::thread::panicking() {
-            eprintln!("--- {}, {}:", self.name, self.folder.display());
-            for line in tail(&self.stderr(), 40) {
-                eprintln!("    {line}");
-            }
-        } else {
+            eprintln!("--- {}, {}", self.name, self.last_words());
+        } else if let Some(folder) = &self.scratch {
             // What is left behind here is only untidy.
-            fs::remove_dir_all(&self.folder).ok();
+            fs::remove_dir_all(folder).ok();
         }
     }
 }
 
-fn tail(text: &str, most: usize) -> impl Iterator<Item = &str> {
-    let lines = text.lines().count();
-    text.lines().skip(lines.saturating_sub(most))
+fn read(path: &Path) -> String {
+    // A file that is being written may end within a letter.
+    fs::read(path)
+        .map(|bytes| String::from_utf8_lossy(&bytes).into_owned())
+        .unwrap_or_default()
 }
 
 /// Has the kernel kill the child when the thread that made it ends in whatever way.
@@ -288,5 +355,47 @@ fn end_with_us(command: &mut Command) {
             }
             Ok(())
         });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn shell(script: &str) -> Process {
+        let mut command = Command::new("/bin/sh");
+        command.args(["-c", script]);
+        Process::start("the shell", command).unwrap()
+    }
+
+    /// A shell that says that it is up once its trap is set, and then waits for signals.
+    fn waiting(on_term: &str) -> Process {
+        let script = format!("trap '{on_term}' TERM; echo up >&2; while :; do sleep 0.01; done");
+        let mut process = shell(&script);
+        process.logs("up", PATIENCE).unwrap();
+        process
+    }
+
+    #[test]
+    fn a_process_that_ends_by_itself_is_reported_with_its_last_words() {
+        let mut process = shell("echo out of clay >&2; exit 3");
+        process.ends().unwrap();
+        let error = process.expect_alive().unwrap_err().to_string();
+        assert!(
+            error.contains("out of clay") && error.contains('3'),
+            "{error}"
+        );
+    }
+
+    #[test]
+    fn only_a_clean_stop_is_no_failure() {
+        waiting("exit 0").stop(PATIENCE).unwrap();
+        let error = waiting("exit 9").stop(PATIENCE).unwrap_err();
+        assert!(error.to_string().contains('9'), "{error}");
+        let deaf = waiting("");
+        let id = deaf.id();
+        let error = deaf.stop(Duration::from_millis(100)).unwrap_err();
+        assert!(error.to_string().contains("did not end"), "{error}");
+        assert!(!Path::new(&format!("/proc/{id}/exe")).exists());
     }
 }

@@ -107,6 +107,7 @@ impl Server {
     pub fn start_on(host: Ipv4Addr, ports: Ports, transport: Transport) -> Result<Self> {
         let mut command = Command::new(program("teleclay-server")?);
         command
+            .env_remove("TELECLAY_TOKEN")
             .args(["--listen", &format!("127.0.0.1:{}", ports.http)])
             .args(["--zenoh-listen", &endpoint_on(host, transport, ports.zenoh)])
             .args(["--data-dir".into(), data_folder()?]);
@@ -120,10 +121,8 @@ impl Server {
         let address = SocketAddr::from((Ipv4Addr::LOCALHOST, ports.http));
         let client = Client::new(address, token);
         wait_for("the server to be ready", PATIENCE, || {
-            if let Ok(Some(status)) = process.poll_end() {
-                return Some(Err(anyhow::anyhow!("the server ended: {status}")));
-            }
-            client.is_ready().then_some(Ok(()))
+            let alive = process.expect_alive();
+            (alive.is_err() || client.is_ready()).then_some(alive)
         })??;
         Ok(Self {
             process,
@@ -256,6 +255,7 @@ impl Handle {
     pub fn start_as(mut command: Command, options: &HandleOptions) -> Result<Self> {
         let recording = crate::process::scratch()?.join("ticks.csv");
         command
+            .env_remove("TELECLAY_TOKEN")
             .args(["--connect", &options.connect])
             .args(["--session", &options.session])
             .args(["--operator", &options.operator])

@@ -3,107 +3,77 @@
 use std::fs;
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::{Path, PathBuf};
+use std::process::Command;
 
 use anyhow::{Context, Result, ensure};
 
-use crate::process::{Interrupt, command, run_quietly};
-use crate::tools::answer;
-use crate::workspace::{Workspace, root};
+use crate::files::files_of_ours;
+use crate::process::{answer, command, run_quietly};
+use crate::workspace::{root, target};
 
 /// What `npm ci` reads.
 const PACKAGE_FILES: [&str; 3] = ["package.json", "package-lock.json", ".npmrc"];
 
-/// Folders of client-web that the build does not read: what it makes, what npm makes, and the browser's tests.
-const NOT_SOURCES: [&str; 3] = ["dist", "node_modules", "browser"];
-
 /// Installs packages and builds client-web/dist, each only when needed.
-pub(crate) fn build(workspace: &Workspace, interrupt: &Interrupt) -> Result<()> {
-    install(workspace, interrupt)?;
-    let folder = root().join("client-web");
-    let stamp = Stamp {
-        path: workspace.target.join("dashboard.stamp"),
-        text: fingerprint(&sources(&folder)?)?,
-    };
-    if folder.join("dist/index.html").exists() && stamp.holds() {
+pub(crate) fn build() -> Result<()> {
+    install()?;
+    let folder = folder();
+    let stamp = target().join("dashboard.stamp");
+    let inputs = fingerprint(&sources(&folder)?)?;
+    let page = folder.join("dist/index.html");
+    if page.exists() && holds(&stamp, &inputs) {
         println!("the dashboard is built already");
         return Ok(());
     }
-    let mut build = command("npm");
-    build.current_dir(&folder).args(["run", "build"]);
-    let log = workspace.target.join("dashboard-build.log");
-    run_quietly(build, "building the dashboard", &log, interrupt)?;
+    let log = target().join("dashboard-build.log");
+    run_quietly(npm(&["run", "build"]), "building the dashboard", &log)?;
     ensure!(
-        folder.join("dist/index.html").exists(),
+        page.exists(),
         "npm run build succeeded but made no client-web/dist/index.html"
     );
-    stamp.leave()
+    leave(&stamp, &inputs)
 }
 
 /// Installs the dashboard's packages as its lock file names them.
-pub(crate) fn install(workspace: &Workspace, interrupt: &Interrupt) -> Result<()> {
-    let folder = root().join("client-web");
-    let files = PACKAGE_FILES.map(|name| folder.join(name));
+pub(crate) fn install() -> Result<()> {
+    let folder = folder();
     // Inside node_modules, so that the stamp goes when the packages go.
-    let stamp = Stamp {
-        path: folder.join("node_modules/.teleclay-stamp"),
-        text: fingerprint(&files)?,
-    };
-    if stamp.holds() {
+    let stamp = folder.join("node_modules/.teleclay-stamp");
+    let inputs = fingerprint(&PACKAGE_FILES.map(|name| folder.join(name)))?;
+    if holds(&stamp, &inputs) {
         return Ok(());
     }
-    let mut install = command("npm");
-    install
-        .current_dir(&folder)
-        .args(["ci", "--no-audit", "--no-fund"]);
-    let log = workspace.target.join("dashboard-install.log");
-    run_quietly(
-        install,
-        "installing the dashboard's packages",
-        &log,
-        interrupt,
-    )?;
-    stamp.leave()
+    let log = target().join("dashboard-install.log");
+    let ci = npm(&["ci", "--no-audit", "--no-fund"]);
+    run_quietly(ci, "installing the dashboard's packages", &log)?;
+    leave(&stamp, &inputs)
 }
 
-/// A file that says from which inputs something was made.
-struct Stamp {
-    path: PathBuf,
-    text: String,
+/// npm, in the dashboard's folder.
+pub(crate) fn npm(arguments: &[&str]) -> Command {
+    let mut npm = command("npm");
+    npm.current_dir(folder()).args(arguments);
+    npm
 }
 
-impl Stamp {
-    fn holds(&self) -> bool {
-        fs::read_to_string(&self.path).is_ok_and(|text| text == self.text)
-    }
-
-    fn leave(&self) -> Result<()> {
-        fs::write(&self.path, &self.text)
-            .with_context(|| format!("{} cannot be written", self.path.display()))
-    }
+fn folder() -> PathBuf {
+    root().join("client-web")
 }
 
-/// Every file below `folder` that the build may read, sorted.
+/// Every file that the build may read; the browser's tests are none of them.
 fn sources(folder: &Path) -> Result<Vec<PathBuf>> {
-    let mut files = Vec::new();
-    let mut left = vec![folder.to_owned()];
-    while let Some(next) = left.pop() {
-        let entries =
-            fs::read_dir(&next).with_context(|| format!("{} cannot be read", next.display()))?;
-        for entry in entries {
-            let entry = entry?;
-            let skipped =
-                next == folder && NOT_SOURCES.iter().any(|name| entry.file_name() == *name);
-            if entry.file_type()?.is_dir() {
-                if !skipped {
-                    left.push(entry.path());
-                }
-            } else {
-                files.push(entry.path());
-            }
-        }
-    }
-    files.sort();
+    let mut files = files_of_ours(folder, &[])?;
+    files.retain(|file| !file.starts_with(folder.join("browser")));
     Ok(files)
+}
+
+/// A stamp says from which inputs something was made.
+fn holds(stamp: &Path, inputs: &str) -> bool {
+    fs::read_to_string(stamp).is_ok_and(|text| text == inputs)
+}
+
+fn leave(stamp: &Path, inputs: &str) -> Result<()> {
+    fs::write(stamp, inputs).with_context(|| format!("{} cannot be written", stamp.display()))
 }
 
 /// A number that changes with any name or content, and with the Node.js that builds. Not a secret and not an identity:
@@ -124,45 +94,32 @@ fn fingerprint(files: &[PathBuf]) -> Result<String> {
 mod tests {
     use super::*;
 
-    fn folder(name: &str) -> PathBuf {
-        let folder =
-            std::env::temp_dir().join(format!("teleclay-xtask-{}-{name}", std::process::id()));
-        fs::create_dir_all(folder.join("src")).unwrap();
-        fs::create_dir_all(folder.join("node_modules/three")).unwrap();
-        fs::write(folder.join("src/main.ts"), "one").unwrap();
-        fs::write(folder.join("node_modules/three/index.js"), "three").unwrap();
-        folder
-    }
-
     #[test]
     fn an_edit_a_new_name_and_a_new_file_are_noticed_and_made_things_are_not() {
-        let folder = folder("fingerprint");
+        let folder = std::env::temp_dir().join(format!("teleclay-xtask-{}", std::process::id()));
+        for (folder, file) in [
+            ("src", "main.ts"),
+            ("node_modules/three", "index.js"),
+            ("browser", "a.ts"),
+        ]
+        .map(|(name, file)| (folder.join(name), file))
+        {
+            fs::create_dir_all(&folder).unwrap();
+            fs::write(folder.join(file), "one").unwrap();
+        }
         let now = || fingerprint(&sources(&folder).unwrap()).unwrap();
         let first = now();
-        assert_eq!(first, now());
-        fs::write(folder.join("node_modules/three/index.js"), "four").unwrap();
-        assert_eq!(first, now());
+        for made in ["node_modules/three/index.js", "browser/a.ts"] {
+            fs::write(folder.join(made), "two").unwrap();
+            assert_eq!(first, now());
+        }
         fs::write(folder.join("src/main.ts"), "two").unwrap();
         let edited = now();
-        assert_ne!(first, edited);
         fs::rename(folder.join("src/main.ts"), folder.join("src/other.ts")).unwrap();
         let renamed = now();
-        assert_ne!(edited, renamed);
         fs::write(folder.join("src/more.ts"), "").unwrap();
-        assert_ne!(renamed, now());
-        fs::remove_dir_all(folder).unwrap();
-    }
-
-    #[test]
-    fn a_stamp_holds_only_for_what_it_was_left_for() {
-        let folder = folder("stamp");
-        let stamp = |text: &str| Stamp {
-            path: folder.join("stamp"),
-            text: text.to_owned(),
-        };
-        assert!(!stamp("a").holds());
-        stamp("a").leave().unwrap();
-        assert!(stamp("a").holds() && !stamp("b").holds());
+        let more = now();
+        assert!(first != edited && edited != renamed && renamed != more);
         fs::remove_dir_all(folder).unwrap();
     }
 }

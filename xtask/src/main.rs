@@ -1,29 +1,28 @@
 //! The workspace's own commands: `cargo demo`, `cargo verify`, `cargo figures`, `cargo xtask soak`.
 //!
-//! They are aliases in .cargo/config.toml for this program, so that a fresh clone needs nothing but cargo to start.
+//! They are aliases in .cargo/config.toml for this program, so that a fresh clone needs nothing but cargo to start. It builds and
+//! checks; what is shown and measured are programs of their own, which take this one's place once they are built.
 
 #![allow(clippy::print_stdout, reason = "a program for people talks to them")]
 
 mod dashboard;
 mod demo;
-mod figures;
+mod files;
 mod process;
-mod progress;
 mod python;
 mod release;
-mod soak;
 mod tools;
 mod verify;
 mod workspace;
 
-use std::process::ExitCode;
+use std::ffi::OsString;
+use std::process::{Command, ExitCode};
 
+use anyhow::Result;
 use clap::{Parser, Subcommand};
 
-use crate::process::Interrupt;
-
-/// What a shell answers for a program that Ctrl-C ended.
-const INTERRUPTED: u8 = 130;
+use crate::process::become_program;
+use crate::workspace::program;
 
 #[derive(Parser)]
 #[command(
@@ -43,30 +42,41 @@ enum Task {
     /// Install what the tests need and run every check of every language
     Verify(verify::Options),
     /// Measure what this machine reaches, beside the bare floor of the same run
-    Figures(figures::Options),
+    Figures {
+        /// Handed on to teleclay-figures, such as `-- --json FILE`
+        #[arg(last = true)]
+        arguments: Vec<OsString>,
+    },
     /// Let server and handle run for long, with watchers that read slowly, and watch their memory
-    Soak(soak::Options),
+    Soak {
+        /// How long to watch, after warming up
+        #[arg(long, value_name = "N", default_value_t = 600, value_parser = clap::value_parser!(u64).range(10..=86_400))]
+        seconds: u64,
+    },
 }
 
 fn main() -> ExitCode {
-    let task = Cli::parse().task;
-    let result = Interrupt::listen().and_then(|interrupt| {
-        let result = match task {
-            Task::Demo(options) => demo::run(&options, &interrupt),
-            Task::Verify(options) => verify::run(&options, &interrupt),
-            Task::Figures(options) => figures::run(&options, &interrupt),
-            Task::Soak(options) => soak::run(&options, &interrupt),
-        };
-        match result {
-            Err(error) if interrupt.heard() => {
-                eprintln!("\n{error:#}");
-                Ok(ExitCode::from(INTERRUPTED))
-            }
-            result => result.map(|()| ExitCode::SUCCESS),
+    match run(Cli::parse().task) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("\nerror: {error:#}");
+            ExitCode::FAILURE
         }
-    });
-    result.unwrap_or_else(|error| {
-        eprintln!("\nerror: {error:#}");
-        ExitCode::FAILURE
-    })
+    }
+}
+
+fn run(task: Task) -> Result<()> {
+    match task {
+        Task::Demo(options) => demo::run(&options),
+        Task::Verify(options) => verify::run(&options),
+        Task::Figures { arguments } => {
+            release::build(&[])?;
+            become_program(Command::new(program("teleclay-figures")).args(arguments))
+        }
+        Task::Soak { seconds } => {
+            release::build(&[])?;
+            let mut soak = Command::new(program("teleclay-soak"));
+            become_program(soak.args(["--seconds", &seconds.to_string()]))
+        }
+    }
 }

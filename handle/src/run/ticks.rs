@@ -11,7 +11,8 @@ use super::{Failure, Run};
 use crate::device::DeviceRequest;
 use crate::engine::{Order, Record};
 use crate::event::Event;
-use crate::join::{self, JoinGrant};
+use crate::grant::JoinGrant;
+use crate::join;
 use crate::refresh::{self, Fresh, Wanted};
 
 /// Without frames for this long a lease counts as lost. Shorter gaps mend themselves.

@@ -5,7 +5,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::Value;
 use serde_path_to_error::{Path, Segment};
 
-use super::{FieldError, Validate};
+use crate::validate::{FieldError, Validate};
 
 /// Why a body was not accepted.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]

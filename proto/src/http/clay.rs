@@ -3,8 +3,9 @@
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-use super::{FieldError, Material, Validate, check};
+use super::Material;
 use crate::length::{nanometres, to_nanometres};
+use crate::validate::{FieldError, Validate, check};
 
 /// Most voxels along one axis.
 pub const MAX_VOXELS_PER_AXIS: u32 = 512;

@@ -13,8 +13,8 @@ mod patch;
 mod problem;
 mod session;
 pub mod theory;
-mod validate;
 
+pub use crate::validate::{FieldError, Validate, readable};
 pub use body::{BodyError, parse};
 pub use clay::{ClayReset, ClayShape, ClaySpec, MAX_STEPS, MAX_VOXELS_PER_AXIS};
 pub use hash::{ClayHash, ClayHashError};
@@ -26,8 +26,5 @@ pub use session::{
     ClayState, CorrectionsState, LoopState, MAX_TOOLS, NewSession, Quantiles, Session,
     SessionState, TickQuantiles, ToolState,
 };
-pub use validate::{FieldError, Validate, readable};
-
-pub(crate) use validate::{check, check_text};
 
 pub use crate::{Axes, Material, NodeName, Scheme, SessionId, ToolDescription};

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-use super::{FieldError, Validate, check};
+use crate::validate::{FieldError, Validate, check};
 
 /// Largest whole number that every JSON reader keeps exactly, 2⁵³ − 1.
 const MAX_SEED: u64 = (1 << 53) - 1;

@@ -4,7 +4,8 @@ use serde::{Deserialize, Deserializer, Serialize};
 use utoipa::ToSchema;
 
 use super::network::{Burst, Impairment, JitterDistribution, Network, Outage};
-use super::{FieldError, Material, Scheme, Validate, check};
+use super::{Material, Scheme};
+use crate::validate::{FieldError, Validate, check};
 
 /// Body of `PATCH /sessions/{id}`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
@@ -267,7 +268,7 @@ impl Validate for SessionPatch {
     fn validate(&self) -> Result<(), FieldError> {
         self.material.validate_under("/material")?;
         if let Some(deadband) = self.deadband {
-            check("/deadband", deadband, 0.0..=crate::join::MAX_DEADBAND)?;
+            check("/deadband", deadband, 0.0..=crate::scheme::MAX_DEADBAND)?;
         }
         self.network.validate_under("/network")
     }

@@ -4,10 +4,10 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use super::{
-    Axes, ClayHash, ClayShape, ClaySpec, FieldError, Material, Network, Scheme, SessionId,
-    ToolDescription, Validate, check,
+    Axes, ClayHash, ClayShape, ClaySpec, Material, Network, Scheme, SessionId, ToolDescription,
 };
 use crate::frame::{CopyState, SweepRefusal};
+use crate::validate::{FieldError, Validate, check};
 
 /// Most operators of one session.
 pub const MAX_TOOLS: u8 = 8;
@@ -70,7 +70,11 @@ impl Validate for NewSession {
         self.network.validate_under("/network")?;
         self.clay.validate_under("/clay")?;
         self.tool.validate_under("/tool")?;
-        check("/deadband", self.deadband, 0.0..=crate::join::MAX_DEADBAND)?;
+        check(
+            "/deadband",
+            self.deadband,
+            0.0..=crate::scheme::MAX_DEADBAND,
+        )?;
         if !(1..=MAX_TOOLS).contains(&self.tools) {
             return Err(FieldError::new(
                 "/tools",

@@ -2,25 +2,23 @@
 
 use anyhow::{Context, Result};
 
-use crate::process::{Interrupt, command, run};
-use crate::tools::{WASM, answer};
-use crate::workspace::{Workspace, cargo, root};
+use crate::process::{answer, command, run};
+use crate::tools::WASM;
+use crate::workspace::{cargo, program, root, target};
 
 /// The package, which is also the program's name.
 const PACKAGE: &str = "teleclay-golden";
 
 /// What differs, a line each.
-pub(super) fn check(workspace: &Workspace, interrupt: &Interrupt) -> Result<Vec<String>> {
+pub(super) fn check() -> Result<Vec<String>> {
     let build = ["build", "--release", "--locked", "--package", PACKAGE];
-    run(command(cargo()).args(build), interrupt)?;
-    let for_wasm = ["--lib", "--target", WASM];
-    run(command(cargo()).args(build).args(for_wasm), interrupt)?;
-    let native = answer(&mut command(workspace.program(PACKAGE)))
-        .with_context(|| format!("{PACKAGE} failed"))?;
-    let module = workspace
-        .target
-        .join(WASM)
-        .join("release/teleclay_golden.wasm");
+    run(command(cargo()).args(build))?;
+    run(command(cargo())
+        .args(build)
+        .args(["--lib", "--target", WASM]))?;
+    let native =
+        answer(&mut command(program(PACKAGE))).with_context(|| format!("{PACKAGE} failed"))?;
+    let module = target().join(WASM).join("release/teleclay_golden.wasm");
     let script = root().join("tests/golden/run.mjs");
     let wasm = answer(command("node").arg(script).arg(module))
         .context("the WebAssembly module failed in Node.js")?;

@@ -1,21 +1,21 @@
 //! Checks that what the documentation points at exists: links, pictures, headings, and folders and files of this workspace
 //! that stand in `code`. Addresses on the web are left alone, since a check must not depend on other people's machines.
 
-use std::collections::{HashMap, HashSet};
-use std::fs;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
-use pulldown_cmark::{Event, Options, Parser, Tag, TagEnd};
 
-use super::files::{NOT_OURS, files_of_ours};
+use crate::files::{NOT_OURS, files_of_ours, read};
 
 /// What leads nowhere, one sentence each.
 pub(super) fn check(root: &Path) -> Result<Vec<String>> {
-    let mut pages = HashMap::new();
-    for path in files_of_ours(root, &["md"])? {
-        let text = fs::read_to_string(&path)
-            .with_context(|| format!("{} cannot be read", path.display()))?;
+    let root = root
+        .canonicalize()
+        .with_context(|| format!("{} does not exist", root.display()))?;
+    let mut pages = BTreeMap::new();
+    for path in files_of_ours(&root, &["md"])? {
+        let (_, text) = read(&root, &path)?;
         pages.insert(path, Page::parse(&text));
     }
     ensure!(
@@ -25,20 +25,18 @@ pub(super) fn check(root: &Path) -> Result<Vec<String>> {
     );
     let mut wrong = Vec::new();
     for (path, page) in &pages {
-        let folder = path.parent().unwrap_or(root);
-        let shown = path.strip_prefix(root).unwrap_or(path).display();
+        let shown = path.strip_prefix(&root).unwrap_or(path).display();
         for link in &page.links {
-            if let Some(reason) = broken(link, path, folder, &pages) {
+            if let Some(reason) = broken(link, path, &pages) {
                 wrong.push(format!("{shown}: {link}: {reason}"));
             }
         }
         for code in &page.codes {
-            if names_a_place(code, root) && !root.join(code).exists() {
+            if names_a_place(code, &root) && !root.join(code).exists() {
                 wrong.push(format!("{shown}: `{code}` does not exist"));
             }
         }
     }
-    wrong.sort();
     Ok(wrong)
 }
 
@@ -46,91 +44,72 @@ pub(super) fn check(root: &Path) -> Result<Vec<String>> {
 struct Page {
     links: Vec<String>,
     codes: Vec<String>,
-    headings: HashSet<String>,
+    headings: BTreeSet<String>,
 }
 
 impl Page {
+    /// Reads what stands outside fences. Between two backticks stands code, and a link in there is none.
     fn parse(text: &str) -> Self {
-        let (mut links, mut codes, mut headings) = (Vec::new(), Vec::new(), HashSet::new());
-        let mut heading: Option<String> = None;
-        for event in Parser::new_ext(text, Options::ENABLE_TABLES) {
-            match event {
-                Event::Start(Tag::Link { dest_url, .. } | Tag::Image { dest_url, .. }) => {
-                    links.push(dest_url.into_string());
-                }
-                Event::Start(Tag::Heading { .. }) => heading = Some(String::new()),
-                Event::End(TagEnd::Heading(_)) => {
-                    let name = anchor(&heading.take().unwrap_or_default());
-                    let again = (1..).map(|n| format!("{name}-{n}"));
-                    let free = std::iter::once(name.clone())
-                        .chain(again)
-                        .find(|n| !headings.contains(n));
-                    headings.extend(free);
-                }
-                Event::Text(part) => {
-                    if let Some(heading) = &mut heading {
-                        heading.push_str(&part);
-                    }
-                }
-                Event::Code(code) => {
-                    if let Some(heading) = &mut heading {
-                        heading.push_str(&code);
-                    }
-                    codes.push(code.into_string());
-                }
-                _ => {}
-            }
+        let mut is_fenced = false;
+        let open = |line: &&str| {
+            is_fenced ^= line.starts_with("```");
+            !is_fenced
+        };
+        let lines: Vec<&str> = text.lines().filter(open).collect();
+        let text = lines.join("\n");
+        let links = text
+            .split('`')
+            .step_by(2)
+            .flat_map(|prose| prose.split("](").skip(1));
+        let links = links.filter_map(|rest| rest.split_once(')').map(|(link, _)| link.to_owned()));
+        let codes = text.split('`').skip(1).step_by(2).map(str::to_owned);
+        let mut headings = BTreeSet::new();
+        for line in lines.iter().filter(|line| line.starts_with('#')) {
+            let name = anchor(line.trim_start_matches('#').trim());
+            let again = (1..).map(|n| format!("{name}-{n}"));
+            let free = std::iter::once(name.clone())
+                .chain(again)
+                .find(|name| !headings.contains(name));
+            headings.extend(free);
         }
         Self {
-            links,
-            codes,
+            links: links.collect(),
+            codes: codes.collect(),
             headings,
         }
     }
 }
 
-fn broken(
-    link: &str,
-    page: &Path,
-    folder: &Path,
-    pages: &HashMap<PathBuf, Page>,
-) -> Option<String> {
-    let is_elsewhere = ["http://", "https://", "mailto:"]
+fn broken(link: &str, page: &Path, pages: &BTreeMap<PathBuf, Page>) -> Option<String> {
+    if ["http://", "https://", "mailto:"]
         .iter()
-        .any(|scheme| link.starts_with(scheme));
-    if is_elsewhere {
+        .any(|scheme| link.starts_with(scheme))
+    {
         return None;
     }
     let (place, heading) = link
         .split_once('#')
         .map_or((link, None), |(place, heading)| (place, Some(heading)));
-    let target = if place.is_empty() {
-        page.to_owned()
-    } else {
-        match folder.join(place).canonicalize() {
+    let target = match place {
+        "" => page.to_owned(),
+        place => match page.with_file_name(place).canonicalize() {
             Ok(target) => target,
             Err(_) => return Some("does not exist".to_owned()),
-        }
+        },
     };
     let heading = heading?;
-    match pages.get(&target) {
-        Some(page) if page.headings.contains(heading) => None,
-        Some(_) => Some(format!("there is no heading #{heading}")),
-        None => Some("only a Markdown page has headings to point at".to_owned()),
-    }
+    let is_there = pages
+        .get(&target)
+        .is_some_and(|page| page.headings.contains(heading));
+    (!is_there).then(|| format!("there is no heading #{heading}"))
 }
 
 /// Whether `code` reads as a path from the workspace's root: its first part is a folder there, and it holds no placeholder
 /// and nothing that only a build makes.
 fn names_a_place(code: &str, root: &Path) -> bool {
-    let Some((first, rest)) = code.split_once('/') else {
-        return false;
-    };
     let is_plain = |c: char| c.is_ascii_alphanumeric() || "/._-".contains(c);
-    let is_made = rest
-        .split('/')
-        .chain([first])
-        .any(|part| NOT_OURS.contains(&part));
+    let is_made = code.split('/').any(|part| NOT_OURS.contains(&part));
+    let first = code.split_once('/').map_or("", |(first, _)| first);
     code.chars().all(is_plain) && !is_made && !first.is_empty() && root.join(first).is_dir()
 }
 
@@ -146,12 +125,14 @@ fn anchor(heading: &str) -> String {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
 
     /// A small workspace in which `text` is docs/page.md.
-    fn complaints(name: &str, text: &str) -> String {
+    fn complaints(text: &str) -> String {
         let root =
-            std::env::temp_dir().join(format!("teleclay-xtask-{}-{name}", std::process::id()));
+            std::env::temp_dir().join(format!("teleclay-xtask-{}-links", std::process::id()));
         fs::create_dir_all(root.join("docs")).unwrap();
         fs::create_dir_all(root.join("crates/clay")).unwrap();
         fs::write(
@@ -166,20 +147,17 @@ mod tests {
     }
 
     #[test]
-    fn what_exists_is_fine() {
+    fn what_exists_is_fine_and_each_broken_pointer_is_found() {
         let text = "# Here\n[up](../README.md) [head](../README.md#one-thing-and-another) [twice](../README.md#same-1) \
                     [here](#here) [web](https://example.org/nowhere) `crates/clay` `crates/<name>` `target/release/x` \
-                    `a/b`\n\n```\n[not a link](nowhere.md)\n```\n";
-        assert_eq!(complaints("fine", text), "");
-    }
-
-    #[test]
-    fn each_broken_pointer_is_found() {
-        for (index, (text, word)) in [
+                    `a/b` `[no](link.md)`\n\n```\n[not a link](nowhere.md)\n```\n";
+        assert_eq!(complaints(text), "");
+        for (text, word) in [
             ("[x](nowhere.md)", "nowhere.md: does not exist"),
             ("![x](images/none.png)", "images/none.png: does not exist"),
             ("[x](../README.md#nothing)", "no heading #nothing"),
             ("[x](../README.md#same-2)", "no heading #same-2"),
+            ("[x](../crates#same)", "no heading #same"),
             ("[x](#there)", "no heading #there"),
             (
                 "see `crates/clay/src/gone.rs`",
@@ -189,12 +167,12 @@ mod tests {
                 "| a |\n|---|\n| `docs/gone.md` |",
                 "`docs/gone.md` does not exist",
             ),
-        ]
-        .into_iter()
-        .enumerate()
-        {
-            let found = complaints(&format!("broken-{index}"), text);
-            assert!(found.contains(word), "{word}: {found}");
+        ] {
+            assert!(
+                complaints(text).contains(word),
+                "{word}: {}",
+                complaints(text)
+            );
         }
     }
 }

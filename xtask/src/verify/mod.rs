@@ -1,24 +1,23 @@
 //! `cargo verify`: every check of every language, in the order in which a mistake shows soonest.
 
 mod citations;
-mod compose;
-mod files;
+mod docker;
 mod golden;
-mod image;
+mod imports;
 mod links;
+mod members;
+mod source;
 mod steps;
+mod unused;
 
-use std::fmt;
 use std::time::{Duration, Instant};
 
-use anyhow::{Result, bail};
+use anyhow::{Result, ensure};
 use clap::Args;
 use clap::builder::PossibleValuesParser;
 
 use self::steps::{STEPS, Step};
-use crate::process::Interrupt;
-use crate::progress::duration;
-use crate::workspace::Workspace;
+use crate::process::duration;
 
 /// What `cargo verify` can be told.
 #[derive(Args)]
@@ -35,123 +34,81 @@ pub(crate) struct Options {
 }
 
 /// Runs the steps.
-pub(crate) fn run(options: &Options, interrupt: &Interrupt) -> Result<()> {
+pub(crate) fn run(options: &Options) -> Result<()> {
     if options.list {
         for step in &STEPS {
             println!("{:<10} {}", step.name, step.what);
         }
         return Ok(());
     }
-    let workspace = Workspace::find()?;
     let is_asked =
         |step: &&Step| options.only.is_empty() || options.only.iter().any(|only| only == step.name);
     let chosen: Vec<&Step> = STEPS.iter().filter(is_asked).collect();
     let began = Instant::now();
-    let mut rows: Vec<Row> = Vec::new();
-    for (index, step) in chosen.iter().enumerate() {
+    let mut rows = Vec::new();
+    for (number, step) in (1..).zip(&chosen) {
         println!(
-            "\n━━ {} of {}: {} ━━ {}",
-            index + 1,
+            "\n━━ {number} of {}: {} ━━ {}",
             chosen.len(),
             step.name,
             step.what
         );
-        let row = take(step, &workspace, interrupt);
-        let failed = row.outcome == Outcome::Failed;
-        rows.push(row);
-        if interrupt.heard() || (failed && !options.keep_going) {
+        let outcome = take(step);
+        let is_last = outcome.0 == FAILED && !options.keep_going;
+        rows.push(outcome);
+        if is_last {
             break;
         }
     }
-    rows.extend(chosen[rows.len()..].iter().map(|step| Row {
-        name: step.name,
-        outcome: Outcome::NotRun,
-        took: Duration::ZERO,
-    }));
+    rows.resize(chosen.len(), (NOT_RUN, Duration::ZERO));
+    let names: Vec<&str> = chosen.iter().map(|step| step.name).collect();
     println!(
-        "\n{}",
-        Table {
-            rows: &rows,
-            took: began.elapsed()
-        }
+        "\n{}\nin {}",
+        table(&names, &rows),
+        duration(began.elapsed())
     );
-    let failed: Vec<&str> = rows
-        .iter()
-        .filter(|row| row.outcome == Outcome::Failed)
-        .map(|row| row.name)
-        .collect();
-    if !failed.is_empty() {
-        bail!("failed: {}", failed.join(", "));
-    }
-    if rows.iter().any(|row| row.outcome == Outcome::NotRun) {
-        bail!("interrupted");
-    }
+    let failed = names.iter().zip(&rows).filter(|(_, row)| row.0 == FAILED);
+    let failed: Vec<&str> = failed.map(|(name, _)| *name).collect();
+    ensure!(failed.is_empty(), "failed: {}", failed.join(", "));
     Ok(())
 }
 
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Outcome {
-    Passed,
-    Failed,
-    NotRun,
-}
+/// How a step ended, and how long it took.
+type Outcome = (&'static str, Duration);
 
-struct Row {
-    name: &'static str,
-    outcome: Outcome,
-    took: Duration,
-}
+const PASSED: &str = "passed";
+const FAILED: &str = "FAILED";
+const NOT_RUN: &str = "not run";
 
-struct Table<'a> {
-    rows: &'a [Row],
-    took: Duration,
-}
-
-fn take(step: &Step, workspace: &Workspace, interrupt: &Interrupt) -> Row {
+fn take(step: &Step) -> Outcome {
     let began = Instant::now();
-    let result = (step.run)(workspace, interrupt);
+    let result = (step.run)();
     let took = began.elapsed();
-    let outcome = match result {
+    match result {
         Ok(()) => {
             println!("{} passed in {}", step.name, duration(took));
-            Outcome::Passed
+            (PASSED, took)
         }
         Err(error) => {
             println!("{} failed after {}: {error:#}", step.name, duration(took));
-            Outcome::Failed
+            (FAILED, took)
         }
-    };
-    Row {
-        name: step.name,
-        outcome,
-        took,
     }
 }
 
-impl fmt::Display for Table<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for row in self.rows {
-            let (word, took) = match row.outcome {
-                Outcome::Passed => ("passed", duration(row.took)),
-                Outcome::Failed => ("FAILED", duration(row.took)),
-                Outcome::NotRun => ("not run", String::new()),
-            };
-            writeln!(f, "  {:<10} {word:<8} {took:>13}", row.name)?;
-        }
-        let count = |outcome| {
-            self.rows
-                .iter()
-                .filter(|row| row.outcome == outcome)
-                .count()
+fn table(names: &[&str], rows: &[Outcome]) -> String {
+    let mut text = String::new();
+    for (name, (word, took)) in names.iter().zip(rows) {
+        let took = if *word == NOT_RUN {
+            String::new()
+        } else {
+            duration(*took)
         };
-        let (passed, failed) = (count(Outcome::Passed), count(Outcome::Failed));
-        writeln!(
-            f,
-            "\nsteps: {passed} passed, {failed} failed, {} skipped",
-            count(Outcome::NotRun)
-        )?;
-        write!(f, "in {}", duration(self.took))
+        text.push_str(&format!("  {name:<10} {word:<8} {took:>13}\n"));
     }
+    let [passed, failed, skipped] = [PASSED, FAILED, NOT_RUN]
+        .map(|wanted| rows.iter().filter(|(word, _)| *word == wanted).count());
+    text + &format!("\nsteps: {passed} passed, {failed} failed, {skipped} skipped")
 }
 
 #[cfg(test)]
@@ -168,24 +125,11 @@ mod tests {
 
     #[test]
     fn the_table_names_every_step_and_counts_each_outcome() {
-        let row = |name, outcome| Row {
-            name,
-            outcome,
-            took: Duration::from_secs(3),
-        };
-        let rows = [
-            row("format", Outcome::Passed),
-            row("test", Outcome::Failed),
-            row("demo", Outcome::NotRun),
-        ];
-        let text = Table {
-            rows: &rows,
-            took: Duration::from_secs(6),
-        }
-        .to_string();
-        assert!(text.contains("test       FAILED"), "{text}");
+        let rows = [PASSED, FAILED, NOT_RUN].map(|word| (word, Duration::from_secs(3)));
+        let text = table(&["format", "test", "demo"], &rows);
+        assert!(text.contains("test       FAILED           3.0 s"), "{text}");
         assert!(
-            text.ends_with("steps: 1 passed, 1 failed, 1 skipped\nin 6.0 s"),
+            text.ends_with("steps: 1 passed, 1 failed, 1 skipped"),
             "{text}"
         );
     }

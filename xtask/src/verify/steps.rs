@@ -1,14 +1,15 @@
 //! The steps of `cargo verify`.
 
-use std::process::Command;
-
 use anyhow::{Result, ensure};
 
-use super::{citations, compose, golden, image, links};
-use crate::process::{Interrupt, command, run};
-use crate::tools::{WASM, answer, install_chromium, install_wasm_target, require_node};
-use crate::workspace::{Workspace, cargo, root};
-use crate::{dashboard, demo, python, release};
+use super::members::members;
+use super::{citations, docker, golden, imports, links, source, unused};
+use crate::dashboard::npm;
+use crate::demo::PROGRAMS;
+use crate::process::{answer, command, run};
+use crate::tools::{WASM, install_chromium, install_wasm_target, require_node};
+use crate::workspace::{cargo, program, root, target};
+use crate::{dashboard, python, release};
 
 /// One check that passes or fails as a whole.
 pub(super) struct Step {
@@ -16,256 +17,165 @@ pub(super) struct Step {
     pub(super) name: &'static str,
     /// What it does, for a person.
     pub(super) what: &'static str,
-    pub(super) run: fn(&Workspace, &Interrupt) -> Result<()>,
+    pub(super) run: fn() -> Result<()>,
+}
+
+const fn step(name: &'static str, what: &'static str, run: fn() -> Result<()>) -> Step {
+    Step { name, what, run }
 }
 
 /// In this order: what is quick and often wrong comes first; what needs the release programs comes after they are built,
 /// and the dashboard before them, because the server carries it inside.
-pub(super) const STEPS: [Step; 16] = [
-    Step {
-        name: "tools",
-        what: "what the tests need is there, or is installed",
-        run: tools,
-    },
-    Step {
-        name: "format",
-        what: "Rust is formatted",
-        run: format,
-    },
-    Step {
-        name: "links",
-        what: "what documentation and comments point at is there",
-        run: links_step,
-    },
-    Step {
-        name: "docker",
-        what: "image and compose file are sound",
-        run: docker,
-    },
-    Step {
-        name: "dashboard",
-        what: "the dashboard's types, lints, unit tests and build",
-        run: dashboard_step,
-    },
-    Step {
-        name: "clippy",
-        what: "lints of all Rust code, tests too",
-        run: clippy,
-    },
-    Step {
-        name: "rustdoc",
-        what: "the documentation of the code builds, its links hold",
-        run: rustdoc,
-    },
-    Step {
-        name: "wasm",
-        what: "each pure crate builds for a browser",
-        run: wasm,
-    },
-    Step {
-        name: "build",
-        what: "the release programs",
-        run: build,
-    },
-    Step {
-        name: "golden",
-        what: "native code and WebAssembly get the same bits",
-        run: golden_step,
-    },
-    Step {
-        name: "test",
-        what: "every Rust test, unit and integration; the wire's vectors",
-        run: test,
-    },
-    Step {
-        name: "doctest",
-        what: "examples in the documentation of the code",
-        run: doctest,
-    },
-    Step {
-        name: "python",
-        what: "the mathematics against python-control, mpmath and scipy",
-        run: python_step,
-    },
-    Step {
-        name: "browser",
-        what: "the dashboard in Chromium against real processes",
-        run: browser,
-    },
-    Step {
-        name: "demo",
-        what: "20 seconds of cargo demo",
-        run: demo_step,
-    },
-    Step {
-        name: "tidy",
-        what: "the checks left the checkout as it was",
-        run: tidy,
-    },
+#[rustfmt::skip]
+pub(super) const STEPS: [Step; 17] = [
+    step("tools", "what the tests need is there, or is installed", tools),
+    step("format", "Rust is formatted", format),
+    step("source", "prose, files, imports and dependencies are as CONTRIBUTING says", source_step),
+    step("links", "what documentation and comments point at is there", links_step),
+    step("docker", "image and compose file are sound", docker_step),
+    step("dashboard", "the dashboard's types, lints, unit tests and build", dashboard_step),
+    step("clippy", "lints of all Rust code, tests too", clippy),
+    step("rustdoc", "the documentation of the code builds, its links hold", rustdoc),
+    step("wasm", "each pure crate builds for a browser", wasm),
+    step("build", "the release programs", build),
+    step("golden", "native code and WebAssembly get the same bits", golden_step),
+    step("test", "every Rust test, unit and integration; the wire's vectors", test),
+    step("doctest", "examples in the documentation of the code", doctest),
+    step("python", "the mathematics against python-control, mpmath and scipy", python_step),
+    step("browser", "the dashboard in Chromium against real processes", browser),
+    step("demo", "20 seconds of cargo demo", demo),
+    step("tidy", "the checks left the checkout as it was", tidy),
 ];
 
-fn tools(workspace: &Workspace, interrupt: &Interrupt) -> Result<()> {
+fn tools() -> Result<()> {
     require_node()?;
-    install_wasm_target(interrupt)?;
-    install_chromium(interrupt)?;
-    python::install(workspace, interrupt)?;
-    dashboard::install(workspace, interrupt)
+    install_wasm_target()?;
+    install_chromium()?;
+    python::install()?;
+    dashboard::install()
 }
 
-fn format(_: &Workspace, interrupt: &Interrupt) -> Result<()> {
-    run(
-        command(cargo()).args(["fmt", "--all", "--check"]),
-        interrupt,
-    )
+fn format() -> Result<()> {
+    cargo_with("fmt --all --check")
 }
 
-fn links_step(_: &Workspace, _: &Interrupt) -> Result<()> {
+fn source_step() -> Result<()> {
+    let mut wrong = source::check(root())?;
+    wrong.extend(imports::check(&members()?)?);
+    wrong.extend(unused::check(&members()?)?);
+    report("against the rules", wrong)
+}
+
+fn links_step() -> Result<()> {
     let mut wrong = links::check(root())?;
     wrong.extend(citations::check(root())?);
     report("broken pointers", wrong)
 }
 
-fn docker(workspace: &Workspace, _: &Interrupt) -> Result<()> {
-    let mut wrong = image::check(workspace)?;
-    wrong.extend(compose::check(&root().join("docker/compose.yaml"))?);
-    report("mistakes in docker/", wrong)
+fn docker_step() -> Result<()> {
+    report("mistakes in docker/", docker::check()?)
 }
 
-fn dashboard_step(workspace: &Workspace, interrupt: &Interrupt) -> Result<()> {
-    dashboard::install(workspace, interrupt)?;
+fn dashboard_step() -> Result<()> {
+    dashboard::install()?;
     for script in ["typecheck", "lint", "test"] {
-        run(&mut npm_run(script), interrupt)?;
+        run(&mut npm(&["run", script]))?;
     }
-    dashboard::build(workspace, interrupt)
+    dashboard::build()
 }
 
 /// In the release profile, so that build scripts and macros are compiled once for this and for the programs.
-fn clippy(_: &Workspace, interrupt: &Interrupt) -> Result<()> {
-    let arguments = [
-        "clippy",
-        "--release",
-        "--workspace",
-        "--all-targets",
-        "--locked",
-        "--",
-        "-D",
-        "warnings",
-    ];
-    run(command(cargo()).args(arguments), interrupt)
+fn clippy() -> Result<()> {
+    cargo_with("clippy --release --workspace --all-targets --locked -- -D warnings")
 }
 
 /// `[KHMH03]` looks like a link to rustdoc; the links step checks such keys against docs/papers.md. Maps name private modules.
 const CITATIONS_ALLOWED: &str =
     "-D warnings -A rustdoc::broken_intra_doc_links -A rustdoc::private_intra_doc_links";
 
-fn rustdoc(_: &Workspace, interrupt: &Interrupt) -> Result<()> {
+fn rustdoc() -> Result<()> {
     let arguments = ["doc", "--release", "--workspace", "--no-deps", "--locked"];
-    run(
-        command(cargo())
-            .args(arguments)
-            .env("RUSTDOCFLAGS", CITATIONS_ALLOWED),
-        interrupt,
-    )
+    run(command(cargo())
+        .args(arguments)
+        .env("RUSTDOCFLAGS", CITATIONS_ALLOWED))
 }
 
 /// One by one: together they would lend each other features that one of them forgot to ask for.
-fn wasm(workspace: &Workspace, interrupt: &Interrupt) -> Result<()> {
-    let mut checked = 0;
-    for member in workspace.pure_members() {
+fn wasm() -> Result<()> {
+    let pure = ["crates", "proto"].map(|folder| root().join(folder));
+    let mut members = members()?;
+    members.retain(|member| pure.iter().any(|folder| member.folder.starts_with(folder)));
+    ensure!(!members.is_empty(), "there is no pure crate to check");
+    for member in members {
         println!("{}", member.name);
-        let arguments = [
-            "check",
-            "--quiet",
-            "--release",
-            "--locked",
-            "--target",
-            WASM,
-            "--package",
-            &member.name,
-        ];
-        run(command(cargo()).args(arguments), interrupt)?;
-        checked += 1;
+        cargo_with(&format!(
+            "check --quiet --release --locked --target {WASM} --package {}",
+            member.name
+        ))?;
     }
-    ensure!(0 < checked, "there is no pure crate to check");
     Ok(())
 }
 
-fn build(workspace: &Workspace, interrupt: &Interrupt) -> Result<()> {
-    release::build(workspace, interrupt)
+fn build() -> Result<()> {
+    release::build(&[])
 }
 
-fn golden_step(workspace: &Workspace, interrupt: &Interrupt) -> Result<()> {
-    report("different bits", golden::check(workspace, interrupt)?)
+fn golden_step() -> Result<()> {
+    report("different bits", golden::check()?)
 }
 
-fn test(_: &Workspace, interrupt: &Interrupt) -> Result<()> {
+fn test() -> Result<()> {
     let has_nextest = answer(command(cargo()).args(["nextest", "--version"])).is_some();
-    let arguments: &[&str] = if has_nextest {
-        &[
-            "nextest",
-            "run",
-            "--release",
-            "--workspace",
-            "--locked",
-            "--no-fail-fast",
-        ]
+    let (how, which) = if has_nextest {
+        ("nextest run", "")
     } else {
-        &[
-            "test",
-            "--release",
-            "--workspace",
-            "--locked",
-            "--no-fail-fast",
-            "--lib",
-            "--bins",
-            "--tests",
-        ]
+        ("test", " --lib --bins --tests")
     };
-    run(command(cargo()).args(arguments), interrupt)
+    cargo_with(&format!(
+        "{how} --release --workspace --locked --no-fail-fast{which}"
+    ))
 }
 
 /// Apart from the tests, as nextest does not run them.
-fn doctest(_: &Workspace, interrupt: &Interrupt) -> Result<()> {
-    run(
-        command(cargo()).args(["test", "--release", "--workspace", "--locked", "--doc"]),
-        interrupt,
-    )
+fn doctest() -> Result<()> {
+    cargo_with("test --release --workspace --locked --doc")
 }
 
 /// Other people's mathematics about the same loops, robots, plants and experiments.
-fn python_step(workspace: &Workspace, interrupt: &Interrupt) -> Result<()> {
-    python::install(workspace, interrupt)?;
+fn python_step() -> Result<()> {
+    python::install()?;
     // Of the whole workspace, so that nothing is compiled again with other features.
-    let arguments = ["build", "--release", "--workspace", "--locked", "--example"];
-    run(
-        command(cargo()).args(arguments).arg("analyse_loops"),
-        interrupt,
-    )?;
+    cargo_with("build --release --workspace --locked --example analyse_loops")?;
     let script = |name: &str| {
-        let mut script = command(python::python(workspace));
+        let mut script = python::script("python");
         script.arg(root().join("tests/python").join(name));
         script
     };
-    run(script("references.py").arg(root()), interrupt)?;
-    let analyse_loops = workspace.program("examples/analyse_loops");
-    run(script("python_control.py").arg(analyse_loops), interrupt)
+    run(script("references.py").arg(root()))?;
+    run(script("python_control.py").arg(program("examples/analyse_loops")))
 }
 
-fn browser(workspace: &Workspace, interrupt: &Interrupt) -> Result<()> {
-    let mut npm = npm_run("browser");
+fn browser() -> Result<()> {
+    let mut npm = npm(&["run", "browser"]);
     // Only where it is needed: the server under test inherits the variable, and takes each TELECLAY_* for a setting.
-    if workspace.target != root().join("target") {
-        npm.env("TELECLAY_BIN_DIR", workspace.target.join("release"));
+    if target() != root().join("target") {
+        npm.env("TELECLAY_BIN_DIR", target().join("release"));
     }
-    run(&mut npm, interrupt)
+    run(&mut npm)
 }
 
-fn demo_step(_: &Workspace, interrupt: &Interrupt) -> Result<()> {
-    demo::run(&demo::Options::on_free_ports(20)?, interrupt)
+/// On free ports, so that it does not matter what else runs on this machine.
+fn demo() -> Result<()> {
+    dashboard::build()?;
+    release::build(&PROGRAMS)?;
+    let mut demo = command(program("teleclay-demo"));
+    run(demo
+        .args(["--seconds", "20", "--data"])
+        .arg(target().join("demo-data")))
 }
 
 /// A test that writes into the checkout, or a lock file that no longer fits, shows here.
-fn tidy(_: &Workspace, _: &Interrupt) -> Result<()> {
+fn tidy() -> Result<()> {
     let Some(changed) =
         answer(command("git").args(["status", "--porcelain", "--untracked-files=normal"]))
     else {
@@ -284,11 +194,8 @@ fn tidy(_: &Workspace, _: &Interrupt) -> Result<()> {
     Ok(())
 }
 
-fn npm_run(script: &str) -> Command {
-    let mut npm = command("npm");
-    npm.current_dir(root().join("client-web"))
-        .args(["run", script]);
-    npm
+fn cargo_with(arguments: &str) -> Result<()> {
+    run(command(cargo()).args(arguments.split(' ')))
 }
 
 fn report(what: &str, wrong: Vec<String>) -> Result<()> {

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use super::check_list;
-use crate::http::{FieldError, Validate, check};
+use crate::validate::{FieldError, Validate, check};
 
 /// Most ranges of one experiment.
 pub const MAX_RANGES: usize = 32;

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use super::check_finite;
-use crate::http::{FieldError, Validate, check};
+use crate::validate::{FieldError, Validate, check};
 
 /// Most cells of one workspace map.
 pub const MAX_WORKSPACE_CELLS: usize = 100_000;

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use super::{ComplexPair, check_list};
-use crate::http::{FieldError, Validate, check};
+use crate::validate::{FieldError, Validate, check};
 
 /// Most coefficients of a polynomial: of order 12.
 pub const MAX_COEFFICIENTS: usize = 13;

@@ -5,7 +5,7 @@ use utoipa::ToSchema;
 
 use super::stability::check_ratios;
 use super::{DelayVerdict, MAX_COEFFICIENTS, TransferFunction, check_list};
-use crate::http::{FieldError, Validate, check};
+use crate::validate::{FieldError, Validate, check};
 
 /// Which signals cross the network.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, ToSchema)]

@@ -1,0 +1,45 @@
+//! What the manifests of this workspace say.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result};
+use serde_json::Value;
+
+use crate::process::{answer, command};
+use crate::workspace::cargo;
+
+/// One crate of ours.
+pub(super) struct Member {
+    /// The package's name.
+    pub(super) name: String,
+    /// Where it lies.
+    pub(super) folder: PathBuf,
+    /// The names by which its sources can use other packages.
+    pub(super) dependencies: Vec<String>,
+}
+
+/// The crates of ours, as cargo reads their manifests.
+pub(super) fn members() -> Result<Vec<Member>> {
+    let arguments = ["metadata", "--format-version", "1", "--no-deps"];
+    let said = answer(command(cargo()).args(arguments)).context("cargo metadata failed")?;
+    let metadata: Value = serde_json::from_str(&said)?;
+    let list = |value: &Value| value.as_array().cloned().unwrap_or_default();
+    let text = |value: &Value| value.as_str().unwrap_or_default().to_owned();
+    let packages = list(&metadata["packages"])
+        .into_iter()
+        .map(|package| Member {
+            name: text(&package["name"]),
+            folder: Path::new(&text(&package["manifest_path"])).with_file_name(""),
+            dependencies: list(&package["dependencies"])
+                .iter()
+                .map(|used| {
+                    text(
+                        used["rename"]
+                            .as_str()
+                            .map_or(&used["name"], |_| &used["rename"]),
+                    )
+                })
+                .collect(),
+        });
+    Ok(packages.collect())
+}
