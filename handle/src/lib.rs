@@ -32,11 +32,11 @@ pub mod status;
 mod attachment;
 mod brake;
 mod engine;
+mod grant;
 mod join;
 mod line;
 mod outbox;
 mod singularity;
-mod grant;
 
 pub use join::JoinError;
 pub use line::LineError;

@@ -113,6 +113,30 @@ impl Client {
             .map(drop)
     }
 
+    /// Changes a session, and gives status and body of the answer, whatever it is.
+    ///
+    /// # Errors
+    /// The server does not answer.
+    pub fn try_to_patch(&self, id: &str, change: &Value) -> Result<(u16, Value)> {
+        let (status, text) = self.call("PATCH", &format!("/sessions/{id}"), change)?;
+        Ok((status, serde_json::from_str(&text)?))
+    }
+
+    /// Ends a session.
+    ///
+    /// # Errors
+    /// The server refuses.
+    pub fn delete(&self, id: &str) -> Result<()> {
+        let address = format!("{}/api/v1/sessions/{id}", self.origin);
+        let mut request = self.agent.delete(address);
+        if let Some(token) = &self.token {
+            request = request.header("Authorization", format!("Bearer {token}"));
+        }
+        let answer = request.call().with_context(|| format!("DELETE {id}"))?;
+        ensure!(answer.status() == 204, "answered {}", answer.status());
+        Ok(())
+    }
+
     /// Puts a fresh block.
     ///
     /// # Errors
@@ -150,6 +174,16 @@ impl Client {
     }
 
     fn send(&self, method: &str, path: &str, body: &Value) -> Result<String> {
+        let (status, text) = self.call(method, path, body)?;
+        ensure!(
+            (200..300).contains(&status),
+            "{method} {path} answered {status}: {text}"
+        );
+        Ok(text)
+    }
+
+    /// Status and body of the answer, whatever it is.
+    fn call(&self, method: &str, path: &str, body: &Value) -> Result<(u16, String)> {
         let address = format!("{}/api/v1{path}", self.origin);
         let mut request = match method {
             "POST" => self.agent.post(address),
@@ -165,11 +199,7 @@ impl Client {
             .with_context(|| format!("{method} {path}"))?;
         let status = answer.status();
         let text = answer.body_mut().read_to_string()?;
-        ensure!(
-            status.is_success(),
-            "{method} {path} answered {status}: {text}"
-        );
-        Ok(text)
+        Ok((status.as_u16(), text))
     }
 }
 

@@ -1,4 +1,4 @@
-//! Both 1 kHz threads allocate nothing in a steady tick: counted by thread, in one process that runs the whole server (frames from Zenoh,
+//! Both 1 kHz threads allocate nothing, in a steady tick and in one that brings a change: counted by thread, in one process that runs the whole server (frames from Zenoh,
 //! cut clay, changed bricks, records, a watcher of the WebSocket) and the whole handle, as they run apart.
 
 #![allow(unsafe_code, reason = "a global allocator cannot be written without")]
@@ -13,9 +13,9 @@ use std::time::{Duration, Instant};
 use serde_json::json;
 use teleclay_handle::device::{DeviceKind, open};
 use teleclay_handle::intent::Intent;
-use teleclay_handle::run::{Options, Until};
+use teleclay_handle::run::{Ending, Options, Until};
 use teleclay_proto::http::Session;
-use teleclay_proto::{NodeName, RealmName, SessionId};
+use teleclay_proto::{NodeName, RealmName, Scheme, SessionId};
 use teleclay_server::Server;
 use teleclay_server::settings::Settings;
 use teleclay_shell::Drift;
@@ -139,31 +139,48 @@ async fn session_when(
         .unwrap()
 }
 
+/// Allocations of each ticking thread while `work` goes on.
+async fn counted<T>(work: impl Future<Output = T>) -> (T, [u64; 2]) {
+    COUNTS
+        .iter()
+        .for_each(|count| count.store(0, Ordering::Relaxed));
+    IS_COUNTING.store(true, Ordering::Relaxed);
+    let result = work.await;
+    IS_COUNTING.store(false, Ordering::Relaxed);
+    (
+        result,
+        COUNTS.each_ref().map(|count| count.load(Ordering::Relaxed)),
+    )
+}
+
+/// Calls the server from another thread, so that the runtime goes on.
+async fn call<T: Send + 'static>(
+    client: &Client,
+    call: impl FnOnce(&Client) -> anyhow::Result<T> + Send + 'static,
+) -> T {
+    let client = client.clone();
+    tokio::task::spawn_blocking(move || call(&client))
+        .await
+        .unwrap()
+        .unwrap()
+}
+
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn the_steady_tick_allocates_nothing_at_either_end() {
+async fn neither_a_steady_tick_nor_a_change_allocates_at_either_end() {
     assert_that_an_allocation_is_seen();
     let ports = Ports::free().unwrap();
     let data = std::env::temp_dir().join(format!("teleclay-allocations-{}", std::process::id()));
     let server = Server::start(settings(ports, data.clone())).await.unwrap();
-    let (stop, stopped) = tokio::sync::watch::channel(false);
-    let (emit, _emitted) = tokio::sync::mpsc::unbounded_channel();
-    let until = Until {
-        stop: stopped,
-        deadline: None,
-    };
-    let handle = tokio::spawn(teleclay_handle::run(options(ports), until, emit));
+    let ada = Operating::start(ports, "Ada");
     let client = Client::new(server.address, None);
     // A line with everything that a line can do, so that frames wait in it.
     let line = json!({
         "delay_s": 0.01, "jitter_s": 0.002, "loss": 0.01, "duplicate": 0.01, "reorder": 0.01,
     });
-    let patched = client.clone();
-    tokio::task::spawn_blocking(move || {
-        patched.patch(DEMO, &json!({"network": {"up": line, "down": line}}))
+    call(&client, move |client| {
+        client.patch(DEMO, &json!({"network": {"up": line, "down": line}}))
     })
-    .await
-    .unwrap()
-    .unwrap();
+    .await;
     let address = server.address;
     let watcher = tokio::task::spawn_blocking(move || Watcher::open(address, DEMO))
         .await
@@ -175,34 +192,90 @@ async fn the_steady_tick_allocates_nothing_at_either_end() {
     })
     .await;
     let began = Instant::now();
-    IS_COUNTING.store(true, Ordering::Relaxed);
-    let enough = before.control_loop.ticks + STEADY_TICKS;
-    let after = session_when(&client, "enough ticks", move |session| {
-        enough <= session.control_loop.ticks
-    })
-    .await;
-    IS_COUNTING.store(false, Ordering::Relaxed);
-    let counted = COUNTS.each_ref().map(|count| count.load(Ordering::Relaxed));
-
+    let (after, steady) =
+        counted(call(&client, |client| client.let_pass(DEMO, STEADY_TICKS))).await;
+    println!(
+        "{} ticks of each side in {:.1} s allocated {steady:?} times",
+        after.control_loop.ticks - before.control_loop.ticks,
+        began.elapsed().as_secs_f64()
+    );
     assert!(
         before.clay.removed_units < after.clay.removed_units
             && after.tools.iter().any(|tool| tool.connected),
         "the ticks that were counted had frames to take in and clay to cut"
     );
+    assert_eq!(steady, [0, 0], "steady ticks, allocations of {TICKING:?}");
+
+    // Every scheme twice, with all that a change can bring, and a fresh block after each.
+    let changes = call(&client, |client| {
+        for scheme in Scheme::ALL.iter().chain(Scheme::ALL) {
+            client.patch(
+                DEMO,
+                &json!({"scheme": scheme, "material": {"viscosity_pa_s_per_m": 1e5}, "deadband": 0.02}),
+            )?;
+            client.let_pass(DEMO, 200)?;
+            client.reset(DEMO)?;
+            client.let_pass(DEMO, 200)?;
+        }
+        client.session(DEMO)
+    });
+    let (changed, changing) = counted(changes).await;
+    let ticks = changed.control_loop.ticks - after.control_loop.ticks;
+    println!("{ticks} ticks with ten changes and ten fresh blocks: {changing:?}");
+    assert_eq!(changed.clay.epoch, after.clay.epoch + 10);
+    assert_eq!(changing, [0, 0], "changes, allocations of {TICKING:?}");
+
+    // Somebody comes and goes. The newcomer's own thread takes memory where it begins; the server's may not.
+    let (bob, [joining, _]) = counted(async {
+        let bob = Operating::start(ports, "Bob");
+        session_when(&client, "two operators", |session| {
+            session.tools.iter().filter(|tool| tool.connected).count() == 2
+        })
+        .await;
+        bob.end().await
+    })
+    .await;
+    bob.outcome.unwrap();
+    assert_eq!(joining, 0, "somebody who comes and goes");
+
     drop(watcher);
-    stop.send_replace(true);
-    let ending = handle.await.unwrap();
+    let ending = ada.end().await;
     ending.outcome.unwrap();
     assert!(STEADY_TICKS < ending.summary.ticks && STEADY_TICKS / 2 < ending.summary.received);
     server.stop().await;
     // What is left behind here is only untidy.
     std::fs::remove_dir_all(data).ok();
-    println!(
-        "{} ticks of each side in {:.1} s allocated {counted:?} times",
-        after.control_loop.ticks - before.control_loop.ticks,
-        began.elapsed().as_secs_f64()
-    );
-    assert_eq!(counted, [0, 0], "allocations of {TICKING:?}");
+}
+
+/// A handle at work in this process.
+struct Operating {
+    stop: tokio::sync::watch::Sender<bool>,
+    run: tokio::task::JoinHandle<Ending>,
+}
+
+impl Operating {
+    fn start(ports: Ports, operator: &str) -> Self {
+        let (stop, stopped) = tokio::sync::watch::channel(false);
+        let until = Until {
+            stop: stopped,
+            deadline: None,
+        };
+        let options = Options {
+            operator: operator.to_owned(),
+            ..options(ports)
+        };
+        // Nobody listens to what it tells.
+        let (emit, _) = tokio::sync::mpsc::unbounded_channel();
+        Self {
+            stop,
+            run: tokio::spawn(teleclay_handle::run(options, until, emit)),
+        }
+    }
+
+    async fn end(self) -> Ending {
+        self.stop.send_replace(true);
+        self.run.await.unwrap()
+    }
 }
 
 /// The count counts: a thread of that name that allocates is found out.

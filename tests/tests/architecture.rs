@@ -34,14 +34,7 @@ const USES: [(&str, &[&str]); 14] = [
     (
         "latency",
         &[
-            "bilateral",
-            "clay",
-            "control",
-            "link",
-            "operator",
-            "proto",
-            "session",
-            "sim",
+            "clay", "control", "link", "operator", "proto", "session", "sim",
         ],
     ),
     ("shell", &["link"]),

@@ -14,9 +14,9 @@ use super::{Failure, Rig, Run, close};
 use crate::device::DeviceSetup;
 use crate::engine::{CAPACITIES, Engine, Order};
 use crate::event::Event;
+use crate::grant::JoinGrant;
 use crate::join::{self, JoinTarget, OldLease};
 use crate::line::Line;
-use crate::grant::JoinGrant;
 
 impl Run {
     /// Asks for a lease until one is granted; for the old one, if there was one.

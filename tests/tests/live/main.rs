@@ -8,6 +8,7 @@
 #![allow(clippy::print_stdout, reason = "how long things took is a result, too")]
 
 mod agreement;
+mod changing;
 mod endings;
 mod network;
 mod robot;

@@ -122,8 +122,16 @@ pub struct Copy {
 }
 
 impl Copy {
-    /// A copy of the block of `epoch`, with the tool at a pose at rest. `limits` are at the tool, where the ratios of the coupling have been applied.
-    pub fn new(clay: Box<Clay>, epoch: u32, pose: Pose, limits: CorrectionLimits) -> Self {
+    /// A copy of the block of `epoch`, with the tool at a pose at rest. `limits` are at the tool, where the ratios of the coupling have been applied;
+    /// `corrections` is [room for corrections](Self::room_for_corrections).
+    pub fn new(
+        clay: Box<Clay>,
+        epoch: u32,
+        pose: Pose,
+        limits: CorrectionLimits,
+        mut corrections: Vec<Cut>,
+    ) -> Self {
+        corrections.clear();
         Self {
             clay,
             epoch,
@@ -132,7 +140,7 @@ impl Copy {
             from: pose,
             answer: Vec3::zeros(),
             limiter: CorrectionLimiter::new(limits),
-            corrections: Vec::with_capacity(CORRECTIONS_WAITING),
+            corrections,
             is_fresh_snapshot: false,
             hash: None,
         }
@@ -193,9 +201,14 @@ impl Copy {
         }
     }
 
-    /// Gives up the copy.
-    pub fn into_clay(self) -> Box<Clay> {
-        self.clay
+    /// Gives up the copy: its clay, and its room for corrections, which the next one may use.
+    pub fn into_parts(self) -> (Box<Clay>, Vec<Cut>) {
+        (self.clay, self.corrections)
+    }
+
+    /// What a copy keeps corrections in that wait. Made beforehand, since a copy begins and ends on a tick.
+    pub fn room_for_corrections() -> Vec<Cut> {
+        Vec::with_capacity(CORRECTIONS_WAITING)
     }
 
     /// Whether corrections wait.

@@ -11,8 +11,8 @@ use teleclay_proto::join::LoopParameters;
 use teleclay_proto::{Axes, Material, Scheme, ToolDescription};
 use teleclay_sim::rig::{Further, Rig, Setup};
 
-use crate::rigs::{both_ways, carving, line, norm, running, viscous};
 use super::{RADIUS_M, assert_clay_is_one, drain};
+use crate::rigs::{both_ways, carving, line, norm, running, viscous};
 
 /// How two operators cut.
 struct Strokes {

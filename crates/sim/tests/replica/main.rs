@@ -12,7 +12,10 @@ mod rigs;
 
 use std::time::Duration;
 
-use rigs::{BURSTS, OUTAGES, TICK, both_ways, carving, cutting, embedded, line, norm, running, viscous};
+use corrections::two_cutting;
+use rigs::{
+    BURSTS, OUTAGES, TICK, both_ways, carving, cutting, embedded, line, norm, running, viscous,
+};
 use teleclay_bilateral::LinkState;
 use teleclay_clay::{Pose, SOLID, Sweep, ToolShape};
 use teleclay_link::conditioner::{Impairment, JitterDistribution};
@@ -22,7 +25,6 @@ use teleclay_proto::frame::{CopyState, SweepRecord};
 use teleclay_proto::join::LoopParameters;
 use teleclay_proto::{Material, Scheme};
 use teleclay_sim::rig::Rig;
-use corrections::two_cutting;
 
 const RADIUS_M: f64 = 0.0064;
 

@@ -79,6 +79,8 @@ pub struct ReplicaHandle {
     epoch_from: u32,
     inbox: SweepInbox,
     others: Recent,
+    /// Room for the corrections of the next copy.
+    corrections_waiting: Vec<Cut>,
     rebuild: Option<Rebuild>,
     epoch: u32,
     status: LoopStatus,
@@ -109,6 +111,7 @@ impl ReplicaHandle {
             epoch_from: 1,
             inbox: SweepInbox::default(),
             others: Recent::default(),
+            corrections_waiting: Copy::room_for_corrections(),
             rebuild: None,
             epoch: 0,
             status: LoopStatus::Idle,
@@ -174,11 +177,13 @@ impl ReplicaHandle {
         self.inbox.restart();
         self.epoch_from = self.log.last() + 1;
         self.changed_by = self.log.last();
-        self.others = Recent::default();
+        self.others.clear();
         self.rebuild = None;
         self.is_diverged = false;
         if let Some(copy) = self.copy.take() {
-            self.retired = Some(copy.into_clay());
+            let (clay, corrections) = copy.into_parts();
+            self.retired = Some(clay);
+            self.corrections_waiting = corrections;
         }
         self.ask_for_snapshot(now);
     }
@@ -440,11 +445,14 @@ impl ClayCopy for ReplicaHandle {
         let at = self.setup.home + self.motion_limiter.at();
         // Within reach, so on the lattice.
         let pose = Pose::quantise(at.into()).unwrap_or_default();
+        let corrections = std::mem::take(&mut self.corrections_waiting);
+        let limits = self.correction_limits();
         self.copy = Some(Copy::new(
             snapshot.clay,
             snapshot.epoch,
             pose,
-            self.correction_limits(),
+            limits,
+            corrections,
         ));
         self.gain = 0.0;
     }
@@ -487,6 +495,11 @@ impl Default for Recent {
 }
 
 impl Recent {
+    /// As if none had come; the memory stays.
+    fn clear(&mut self) {
+        self.count = 0;
+    }
+
     fn push(&mut self, came: Timestamp, cut: Cut) {
         self.cuts[self.count as usize % WINDOW] = (came, cut);
         self.count += 1;
