@@ -115,7 +115,7 @@ pub struct Session {
     pub tool: ToolDescription,
     /// Share of a force or velocity below which its change is not sent; 0 when every tick is.
     pub deadband: f64,
-    /// One entry for each operator who may join, in the order of their `id`.
+    /// Every tool, held or free, in the order of their `id`.
     pub tools: Vec<ToolState>,
     /// Tool displacement per handle displacement.
     pub position_ratio: f64,

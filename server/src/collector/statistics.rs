@@ -182,3 +182,56 @@ impl Default for LoopStats {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn timing(lateness: Duration) -> Timing {
+        Timing {
+            lateness_ns: lateness.as_nanos() as u64,
+            work_ns: 5_000,
+            given_up: 0,
+        }
+    }
+
+    #[test]
+    fn a_tick_is_late_when_it_starts_more_than_a_whole_tick_after_its_time() {
+        let mut stats = LoopStats::default();
+        for (lateness, late_ticks) in [
+            (TICK / 2 + Duration::from_nanos(1), 0),
+            (TICK, 0),
+            (TICK + Duration::from_nanos(1), 1),
+        ] {
+            stats.add(&timing(lateness), Instant::now());
+            assert_eq!(stats.late_ticks, late_ticks, "{lateness:?}");
+        }
+    }
+
+    #[test]
+    fn a_rate_is_counted_and_not_what_was_aimed_at() {
+        let began = Instant::now();
+        let mut rate = Rate::new(began);
+        rate.turn(began + Duration::from_secs(2), 1_500);
+        assert!((rate.per_s - 750.0).abs() < 1e-9, "{}", rate.per_s);
+    }
+
+    #[test]
+    fn quantiles_forget_what_is_more_than_ten_seconds_old_and_nothing_within_five() {
+        let began = Instant::now();
+        let after = |seconds| began + Duration::from_secs(seconds);
+        let mut rolling = Rolling::new();
+        rolling.since = began;
+        rolling.record(40_000_000);
+        for (seconds, is_remembered) in [(4, true), (5, true), (9, true), (10, false)] {
+            rolling.turn(after(seconds));
+            rolling.record(5_000);
+            let greatest_s = rolling.tick_quantiles().max;
+            assert_eq!(
+                0.03 < greatest_s,
+                is_remembered,
+                "after {seconds} s: {greatest_s}"
+            );
+        }
+    }
+}
