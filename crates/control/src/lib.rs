@@ -14,6 +14,8 @@
 //! | know what no wall can pass | [`wall`] |
 
 pub mod analysis;
+mod axis;
+mod balance;
 mod closed_loop;
 pub mod compensators;
 mod curves;

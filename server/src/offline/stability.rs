@@ -266,7 +266,7 @@ fn curve(answer: &LoopAnswer) -> Table {
             answer.bode.magnitude_db[index],
             answer.bode.phase_rad[index],
         ];
-        table.row([omega, re, im, db, phase].map(Into::into));
+        table.row([omega.into(), re.into(), im.into(), db.into(), phase.into()]);
     }
     table
 }

@@ -84,7 +84,7 @@ pub(super) const STEPS: [Step; 16] = [
     },
     Step {
         name: "python",
-        what: "the mathematics against python-control, mpmath and scipy",
+        what: "the mathematics against python-control, mpmath, scipy and fractions",
         run: python_step,
     },
     Step {
@@ -248,7 +248,8 @@ fn python_step(workspace: &Workspace, interrupt: &Interrupt) -> Result<()> {
     };
     run(script("references.py").arg(root()), interrupt)?;
     let analyse_loops = workspace.program("examples/analyse_loops");
-    run(script("python_control.py").arg(analyse_loops), interrupt)
+    run(script("python_control.py").arg(&analyse_loops), interrupt)?;
+    run(script("exact_loops.py").arg(analyse_loops), interrupt)
 }
 
 fn browser(workspace: &Workspace, interrupt: &Interrupt) -> Result<()> {
