@@ -8,7 +8,7 @@ use std::process::Command;
 use serde_json::Value;
 
 /// Which rooms a room may use. What a room does not name here it does not know.
-const MAY_USE: [(&str, &[&str]); 11] = [
+const MAY_USE: [(&str, &[&str]); 12] = [
     ("control", &[]),
     ("kinematics", &[]),
     ("clay", &[]),
@@ -19,6 +19,7 @@ const MAY_USE: [(&str, &[&str]); 11] = [
         "bilateral",
         &["control", "kinematics", "clay", "proto", "operator", "link"],
     ),
+    ("theory", &["control", "kinematics", "proto", "bilateral"]),
     (
         "latency",
         &["control", "clay", "proto", "operator", "link", "bilateral"],
@@ -28,11 +29,11 @@ const MAY_USE: [(&str, &[&str]); 11] = [
         "server",
         &[
             "control",
-            "kinematics",
             "clay",
             "proto",
             "link",
             "bilateral",
+            "theory",
             "shell",
         ],
     ),
