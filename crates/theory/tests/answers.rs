@@ -130,8 +130,8 @@ proptest! {
         geometry in geometries(), position_m in places(), joints_rad in proptest::array::uniform3(-4.0..4.0f64),
         branch in branches(),
     ) {
-        survives(inverse(&InverseRequest { geometry: geometry.clone(), position_m }))?;
-        survives(jacobian(&JacobianRequest { geometry: geometry.clone(), position_m, branch }))?;
+        survives(inverse(&InverseRequest { geometry, position_m }))?;
+        survives(jacobian(&JacobianRequest { geometry, position_m, branch }))?;
         survives(forward(&ForwardRequest { geometry, joints_rad }))?;
     }
 }
