@@ -73,7 +73,6 @@ pub struct ClayDescription {
     /// What the block started as.
     pub shape: ClayShape,
     /// Edge of a voxel, m.
-    #[serde(deserialize_with = "crate::length::nanometres")]
     pub voxel_size_m: f64,
     /// Counts the fresh blocks.
     pub epoch: u32,

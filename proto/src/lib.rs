@@ -21,7 +21,6 @@ pub mod watch;
 
 mod bytes;
 mod error;
-mod length;
 mod material;
 mod names;
 mod scheme;

@@ -3,11 +3,9 @@
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-use crate::length::to_nanometres;
 use crate::validate::{FieldError, Validate, check};
 
-/// The shape of a tool. In JSON `{"kind": "ball", "radius_m": 0.0064}`; lengths are kept to the nanometre, so that every
-/// reader has the same.
+/// The shape of a tool. In JSON `{"kind": "ball", "radius_m": 0.0064}`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(tag = "kind", rename_all = "snake_case", try_from = "RawTool")]
 pub enum ToolDescription {
@@ -84,7 +82,7 @@ impl TryFrom<RawTool> for ToolDescription {
 
     fn try_from(raw: RawTool) -> Result<Self, Self::Error> {
         let lengths = [raw.radius_m, raw.width_m, raw.height_m, raw.thickness_m];
-        match (raw.kind, lengths.map(|length| length.map(to_nanometres))) {
+        match (raw.kind, lengths) {
             (RawKind::Ball, [Some(radius_m), None, None, None]) => Ok(Self::Ball { radius_m }),
             (RawKind::Ball, _) => Err("a ball has a radius_m and nothing else"),
             (RawKind::Blade, [None, Some(width_m), Some(height_m), Some(thickness_m)]) => {

@@ -7,7 +7,6 @@
 //! | [`directory`] | which sessions there are, and every way to change one |
 //! | [`network`] | Zenoh: frames, joining, slow state |
 //! | [`api`] | HTTP, WebSocket, OpenAPI, metrics, the dashboard |
-//! | [`theory`] | the calls of the theory, without HTTP |
 //! | [`offline`] | the same on the command line, without a server |
 //! | [`settings`] | defaults, file, environment, flags |
 
@@ -21,7 +20,6 @@ mod serve;
 mod session;
 pub mod settings;
 mod state;
-pub mod theory;
 
 pub use serve::{Server, run};
 pub use session::{Event, Sample};

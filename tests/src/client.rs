@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, Result, bail, ensure};
 use serde_json::Value;
-use teleclay_proto::http::Session;
+use teleclay_proto::http::{ClayState, Session};
 use ureq::Agent;
 
 use crate::process::wait_for;
@@ -53,7 +53,7 @@ impl Client {
         let text = self.read(&format!("/sessions/{id}"))?;
         let mut session: Session =
             serde_json::from_str(&text).with_context(|| format!("session {id} answered {text}"))?;
-        ensure_the_volume_balances(&session, &text)?;
+        ensure_the_volume_balances(&session.clay)?;
         session.tools.sort_by_key(|tool| tool.id);
         Ok(session)
     }
@@ -203,26 +203,17 @@ impl Client {
     }
 }
 
-/// Exactly, not nearly, in units and in m³: that is what the interface promises, at every look. The volumes are read from the text:
-/// `serde_json` as it is built here reads the last of seventeen digits wrong now and then, which browsers do not.
-fn ensure_the_volume_balances(session: &Session, text: &str) -> Result<()> {
-    let clay = &session.clay;
-    let volume_m3 = |name: &str| -> Result<f64> {
-        let value = text
-            .split_once(&format!("\"{name}\":"))
-            .and_then(|(_, rest)| rest.split([',', '}']).next())
-            .with_context(|| format!("no {name}"))?;
-        Ok(value.trim().parse()?)
-    };
+/// Exactly, not nearly, in units and in m³: that is what the interface promises, at every look.
+fn ensure_the_volume_balances(clay: &ClayState) -> Result<()> {
     let [initial_m3, remaining_m3, removed_m3] = [
-        volume_m3("initial_volume_m3")?,
-        volume_m3("remaining_volume_m3")?,
-        volume_m3("removed_volume_m3")?,
+        clay.initial_volume_m3,
+        clay.remaining_volume_m3,
+        clay.removed_volume_m3,
     ];
     ensure!(
         clay.initial_units == clay.remaining_units + clay.removed_units
             && initial_m3.to_bits() == (remaining_m3 + removed_m3).to_bits(),
-        "the volume balance of the clay does not hold: {initial_m3} m³ initially, {remaining_m3} m³ left, {removed_m3} m³ removed; {clay:?}"
+        "the volume balance of the clay does not hold: {clay:?}"
     );
     Ok(())
 }

@@ -8,7 +8,7 @@ use std::process::Command;
 use serde_json::Value;
 
 /// Which rooms each room uses, tests of it included: exactly these.
-const USES: [(&str, &[&str]); 14] = [
+const USES: [(&str, &[&str]); 15] = [
     ("control", &[]),
     ("kinematics", &[]),
     ("clay", &[]),
@@ -31,6 +31,7 @@ const USES: [(&str, &[&str]); 14] = [
             "session",
         ],
     ),
+    ("theory", &["control", "kinematics", "proto", "sim"]),
     (
         "latency",
         &[
@@ -44,12 +45,12 @@ const USES: [(&str, &[&str]); 14] = [
             "bilateral",
             "clay",
             "control",
-            "kinematics",
             "link",
             "proto",
             "session",
             "shell",
             "sim",
+            "theory",
         ],
     ),
     (
@@ -256,6 +257,125 @@ fn builds_and_tests_share_one_feature_set() {
         build.keys().any(|package| package.starts_with("zenoh v")),
         "zenoh is not in the tree"
     );
+}
+
+/// Each equation has its place, and the pages of the theory name it.
+#[test]
+fn what_the_pages_of_the_theory_name_is_there() {
+    let folder = root().join("docs/theory");
+    let code = code_of_all_rooms();
+    let (mut names, mut wrong) = (0, Vec::new());
+    for entry in fs::read_dir(&folder).unwrap() {
+        let page = entry.unwrap().path();
+        for line in fs::read_to_string(&page).unwrap().lines() {
+            let linked: Vec<String> = links_to_code(line)
+                .map(|link| fs::read_to_string(folder.join(link)).unwrap_or_default())
+                .collect();
+            let places = if linked.is_empty() { &code } else { &linked };
+            for name in names_of_code(line) {
+                names += 1;
+                // A test may stand elsewhere than what it tests.
+                let is_there = places.iter().any(|source| defines(source, name))
+                    || (is_test(name) && code.iter().any(|source| defines(source, name)));
+                if !is_there {
+                    wrong.push(format!("{}: `{name}`", page.display()));
+                }
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+    assert!(50 < names, "the pages name only {names} things");
+}
+
+#[test]
+fn a_name_that_is_not_there_is_noticed() {
+    let source = "impl Inverse {\n    pub fn step(&self) {}\n}\nstruct Reach;\nfn the_rods_close() {}\nfn g_hx() {}";
+    for there in ["Inverse::step", "Reach", "the_rods_close", "g_hx"] {
+        assert!(defines(source, there), "{there}");
+    }
+    for missing in [
+        "Inverse::inverse",
+        "Forward::step",
+        "Follower",
+        "the_rods_open",
+        "g_hy",
+    ] {
+        assert!(!defines(source, missing), "{missing}");
+    }
+    let line = "| (6) | `R_j cos rho_j` in [a.rs](../b/a.rs), `Reach`, `Inverse::step`; `the_rods_close` with `G_h`, `g_hx` |";
+    assert_eq!(
+        names_of_code(line),
+        ["Reach", "Inverse::step", "the_rods_close", "g_hx"]
+    );
+    assert_eq!(links_to_code(line).collect::<Vec<_>>(), ["../b/a.rs"]);
+}
+
+/// Sources and tests of every room.
+fn code_of_all_rooms() -> Vec<String> {
+    let rooms = fs::read_dir(root().join("crates")).unwrap();
+    let crates = rooms.map(|entry| entry.unwrap().path());
+    let others = ["proto", "server", "handle", "tests"].map(|room| root().join(room));
+    crates
+        .chain(others)
+        .flat_map(|room| ["src", "tests"].map(|part| room.join(part)))
+        .filter(|folder| folder.is_dir())
+        .flat_map(|folder| rust_files(&folder))
+        .map(|file| fs::read_to_string(file).unwrap())
+        .collect()
+}
+
+fn links_to_code(line: &str) -> impl Iterator<Item = &str> {
+    line.split("](")
+        .skip(1)
+        .filter_map(|rest| rest.split(')').next())
+        .filter(|link| link.ends_with(".rs"))
+}
+
+/// What between backticks reads as a name of the code: a type, a type's function, a test; after a link to a file also a
+/// function, which has more letters than a symbol of the paper.
+fn names_of_code(line: &str) -> Vec<&str> {
+    let link_ends = line.find(".rs)").unwrap_or(line.len());
+    let mut names = Vec::new();
+    let mut at = 0;
+    for (index, span) in line.split('`').enumerate() {
+        let is_plain = |c: char| c.is_ascii_alphanumeric() || "_:".contains(c);
+        if index % 2 == 1 && span.chars().all(is_plain) {
+            let is_upper = span.starts_with(|c: char| c.is_ascii_uppercase());
+            let lower = span.chars().filter(char::is_ascii_lowercase).count();
+            let is_type = is_upper && 1 < lower && !span.contains('_');
+            let is_function = !is_upper && link_ends < at && 3 < span.len();
+            if span.contains("::") || is_type || is_function || is_test(span) {
+                names.push(span);
+            }
+        }
+        at += span.len() + 1;
+    }
+    names
+}
+
+/// Tests are named by sentences.
+fn is_test(name: &str) -> bool {
+    3 < name.split('_').count() && name.starts_with(|c: char| c.is_ascii_lowercase())
+}
+
+/// Whether a source has the definition of a name: `Type::function` in one place with the type, or as a field of it.
+fn defines(source: &str, name: &str) -> bool {
+    let has_word = |word: &str| {
+        let is_part = |c: char| c.is_ascii_alphanumeric() || c == '_';
+        source.match_indices(word).any(|(at, _)| {
+            !source[..at].ends_with(is_part) && !source[at + word.len()..].starts_with(is_part)
+        })
+    };
+    let is_function = |name: &str| has_word(&format!("fn {name}"));
+    match name.split_once("::") {
+        Some((kind, part)) => {
+            has_word(kind) && (is_function(part) || source.contains(&format!("pub {part}:")))
+        }
+        None if name.starts_with(|c: char| c.is_ascii_uppercase()) => ["struct", "enum", "trait"]
+            .iter()
+            .any(|word| has_word(&format!("{word} {name}"))),
+        None => is_function(name),
+    }
 }
 
 fn is_impure(package: &str) -> bool {

@@ -4,6 +4,7 @@
 import * as v from "valibot";
 
 const numbers = v.array(v.number());
+const numbersOrNull = v.array(v.nullable(v.number()));
 const triple = v.tuple([v.number(), v.number(), v.number()]);
 const sign = v.picklist([1, -1]);
 const branch = v.tuple([sign, sign, sign]);
@@ -46,7 +47,7 @@ export const loopAnswerSchema = v.object({
   gain_margin_decrease: gainMargin,
   phase_margin: v.nullable(v.object({ phase_rad: v.number(), omega_rad_s: v.number() })),
   nyquist: v.object({ omega_rad_s: numbers, re: numbers, im: numbers }),
-  bode: v.object({ omega_rad_s: numbers, magnitude_db: numbers, phase_rad: numbers }),
+  bode: v.object({ omega_rad_s: numbers, magnitude_db: numbersOrNull, phase_rad: numbersOrNull }),
 });
 
 export interface CuttingRequest {
@@ -127,7 +128,7 @@ export const workspaceAnswerSchema = v.object({
   region_m: v.tuple([triple, triple]),
   cells: triple,
   branch,
-  dexterity: v.array(v.nullable(v.number())),
+  dexterity: numbersOrNull,
   reachable_share: v.number(),
   reachable_volume_m3: v.number(),
   mean_dexterity: v.nullable(v.number()),

@@ -8,7 +8,7 @@ use teleclay_clay::{
     SteppedBlock, SteppedDimensions, Tool, ToolError, ToolShape,
 };
 use teleclay_control::{
-    DiscreteStateSpace, DiscretiseError, FollowerError, Inverse, RationalError, RationalFunction,
+    DiscreteStateSpace, DiscretiseError, Inverse, InverseError, RationalError, RationalFunction,
     StateSpace, StateSpaceError, paper,
 };
 use teleclay_link::Vec3;
@@ -50,7 +50,7 @@ pub enum ParameterError {
     },
     /// The tool's plant cannot be followed.
     #[error("the tool cannot follow: {0}")]
-    Follower(#[from] FollowerError),
+    Inverse(#[from] InverseError),
     /// There is no such tool.
     #[error(transparent)]
     Tool(#[from] ToolError),

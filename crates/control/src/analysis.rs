@@ -1,5 +1,6 @@
 //! One call for everything about a loop: compensators, poles, margins of four kinds, delay margins, curves.
 
+use crate::axis::AxisQuotient;
 use crate::closed_loop::{ClosedLoop, LoopError};
 use crate::compensators::{Compensator, CompensatorError, Compensators, Sides};
 use crate::curves::Curve;
@@ -31,7 +32,8 @@ pub const DEFAULT_OMEGAS_RAD_S: [f64; 5] = [0.1, 1.0, 10.0, 60.0, 300.0];
 /// The most frequencies that one call evaluates: a plot of four screens' width.
 pub const MOST_OMEGAS: usize = 10_000;
 
-/// Frequency response of the four compensators; `None` at a pole on the axis.
+/// Frequency response of the four compensators; `None` at a pole on the axis, and where a value is too large for a
+/// number.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CompensatorResponse {
     /// Frequency, rad/s.
@@ -130,17 +132,14 @@ pub fn analyse(input: &LoopInput) -> Result<LoopAnalysis, AnalysisError> {
     input.require_omegas()?;
     let closed_loop = input.closed_loop()?;
     let formal = input.sides.formal_compensators()?;
+    let on_axis = closed_loop.along_axis()?;
     let Margins {
         nyquist,
         small_gain,
         classical,
-    } = closed_loop.margins()?;
+    } = on_axis.margins();
     Ok(LoopAnalysis {
-        compensators: input
-            .omegas_rad_s
-            .iter()
-            .map(|&omega| response(&formal, omega))
-            .collect(),
+        compensators: responses(&formal, &input.omegas_rad_s)?,
         improper_compensators: improper(&formal),
         closed_loop_poles: closed_loop.poles()?,
         stable_without_delay: closed_loop.is_stable_without_delay()?,
@@ -151,7 +150,7 @@ pub fn analyse(input: &LoopInput) -> Result<LoopAnalysis, AnalysisError> {
         nyquist_min_distance: nyquist.distance,
         nyquist_min_omega_rad_s: nyquist.omega_rad_s,
         classical,
-        curve: closed_loop.curve(&input.omegas_rad_s)?,
+        curve: on_axis.curve(&input.omegas_rad_s),
     })
 }
 
@@ -196,14 +195,28 @@ impl LoopInput {
     }
 }
 
-fn response(compensators: &Compensators, omega_rad_s: f64) -> CompensatorResponse {
-    CompensatorResponse {
-        omega_rad_s,
-        c_h1: compensators.c_h1.at_omega(omega_rad_s),
-        c_t1: compensators.c_t1.at_omega(omega_rad_s),
-        c_h2: compensators.c_h2.at_omega(omega_rad_s),
-        c_t2: compensators.c_t2.at_omega(omega_rad_s),
+fn responses(
+    compensators: &Compensators,
+    omegas_rad_s: &[f64],
+) -> Result<Vec<CompensatorResponse>, RootsError> {
+    if omegas_rad_s.is_empty() {
+        return Ok(Vec::new());
     }
+    let along = |f: &RationalFunction| AxisQuotient::new(f.numerator(), f.denominator());
+    let (c_h1, c_t1) = (along(&compensators.c_h1)?, along(&compensators.c_t1)?);
+    let (c_h2, c_t2) = (along(&compensators.c_h2)?, along(&compensators.c_t2)?);
+    let at = |f: &AxisQuotient, omega| {
+        f.at(omega)
+            .filter(|value| value.re.is_finite() && value.im.is_finite())
+    };
+    let response = |&omega_rad_s: &f64| CompensatorResponse {
+        omega_rad_s,
+        c_h1: at(&c_h1, omega_rad_s),
+        c_t1: at(&c_t1, omega_rad_s),
+        c_h2: at(&c_h2, omega_rad_s),
+        c_t2: at(&c_t2, omega_rad_s),
+    };
+    Ok(omegas_rad_s.iter().map(response).collect())
 }
 
 fn improper(compensators: &Compensators) -> Vec<Compensator> {

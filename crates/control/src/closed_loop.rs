@@ -8,6 +8,8 @@
 //!
 //! `C` holds every closed-loop pole, hidden ones too. `L = H + E` is the loop gain.
 
+use crate::axis::{AxisQuotient, AxisRoot, roots_of};
+use crate::balance;
 use crate::compensators::{CompensatorError, Sides};
 use crate::frequency::{Features, Mesh};
 use crate::polynomial::{Polynomial, PolynomialError, quotient_at};
@@ -103,14 +105,50 @@ impl ClosedLoop {
         quotient_at(&self.c, &self.d, Complex::new(0.0, omega_rad_s))
     }
 
-    /// A mesh for curves of `L` and `1 + L`.
-    pub(crate) fn mesh(&self) -> Result<Mesh, RootsError> {
+    /// `L` and `1 + L` along the axis, and a mesh for both.
+    pub(crate) fn along_axis(&self) -> Result<LoopOnAxis, RootsError> {
+        let gain = AxisQuotient::new(&self.n_l, &self.d)?;
+        // What arm, clay and sides hide from each other is a pole of the loop, and none of its curve.
+        let c = gain.hidden.iter().fold(self.c.clone(), |c, &omega| {
+            c.without_axis_root(omega).unwrap_or(c)
+        });
+        let closed_roots = roots_of(&c)?;
         let mut features = Features::default();
-        for factor in [&self.d, &self.n_l, &self.c] {
-            features.add_roots(factor)?;
-        }
-        features.add_outer_crossings(&self.n_l, &self.d);
-        Ok(features.mesh())
+        features.add_points(&gain.roots);
+        features.add_points(&closed_roots);
+        features.add_outer_crossings(&gain.numerator, &gain.denominator);
+        features.add_range(balance::equal_magnitudes(
+            &gain.numerator,
+            &gain.denominator,
+        ));
+        features.add_range(balance::real_quotient(&gain.numerator, &gain.denominator));
+        Ok(LoopOnAxis {
+            closed_on_axis: c.roots_on_axis(&closed_roots),
+            gain,
+            c,
+            mesh: features.mesh(),
+        })
+    }
+}
+
+/// A loop along the imaginary axis.
+#[derive(Clone, Debug)]
+pub(crate) struct LoopOnAxis {
+    /// `L = N_L / D`, without the modes on the axis that both share.
+    pub(crate) gain: AxisQuotient,
+    /// `C` without the same modes.
+    pub(crate) c: Polynomial,
+    /// Roots of `1 + L` on the axis, above the origin.
+    pub(crate) closed_on_axis: Vec<AxisRoot>,
+    /// Dense where either curve bends.
+    pub(crate) mesh: Mesh,
+}
+
+impl LoopOnAxis {
+    /// `1 + L` at `j omega`.
+    pub(crate) fn return_difference_at(&self, omega_rad_s: f64) -> Complex<f64> {
+        let s = Complex::new(0.0, omega_rad_s);
+        quotient_at(&self.c, &self.gain.denominator, s)
     }
 }
 

@@ -4,6 +4,11 @@
 //! the imaginary axis, which needs `|A(j w)| = |B(j w)|`. Those frequencies do not depend on `d`; each then tells the
 //! delays that complete the phase: `w d = arg(-B/A) mod 2 pi`. The least of them is the margin.
 //!
+//! Where `|B/A|` only touches 1, a root touches the axis at those delays, and that is no stability either. At rest it
+//! is: `A + B` is not zero there, and no delay turns a constant. At infinite frequency a `|B/A|` that comes to 1, from
+//! whichever side, leaves an unending row of roots that come as near to the axis as one likes, for every delay: the
+//! margin is zero.
+//!
 //! The two schemes, with `D, N_H, N_E, C` of [`ClosedLoop`]:
 //!
 //! ```text
@@ -13,10 +18,14 @@
 //!
 //! In force exchange `A + B = D C`, so `A/B` is one plus a term that may be tiny; it is computed from that term.
 
+use crate::axis::Sample;
+use crate::balance;
 use crate::closed_loop::{ClosedLoop, LoopError, limits};
-use crate::frequency::Features;
+use crate::frequency::{Contacts, Features};
+use crate::margins::ROUNDING_OF_ONE;
 use crate::polynomial::{Polynomial, quotient_at};
 use nalgebra::Complex;
+use std::cmp::Ordering;
 use std::f64::consts::TAU;
 
 /// Which signals cross the network.
@@ -90,7 +99,7 @@ pub fn delay_margin(a: &Polynomial, b: &Polynomial) -> Result<DelayMargin, LoopE
     if b.is_zero() {
         return Ok(DelayMargin::Unbounded);
     }
-    if let Some(zero) = lost_at_once(limits(b, a)[1]) {
+    if let Some(zero) = lost_at_once([b], [a]) {
         return Ok(zero);
     }
     let mut features = Features::default();
@@ -98,9 +107,14 @@ pub fn delay_margin(a: &Polynomial, b: &Polynomial) -> Result<DelayMargin, LoopE
         features.add_roots(factor)?;
     }
     features.add_outer_crossings(b, a);
+    features.add_range(balance::equal_magnitudes(b, a));
     let ratio = |omega: f64| quotient_at(b, a, Complex::new(0.0, omega));
-    let crossings = features.mesh().crossings(|omega| ratio(omega).norm().ln());
-    Ok(first_delay(&crossings, |omega| (-ratio(omega)).arg()))
+    let magnitude = |omega: f64| {
+        let [above, below] = [b, a].map(|part| part.along_axis(omega));
+        above.is_larger(&below, ratio(omega).norm().ln())
+    };
+    let contacts = features.mesh().contacts(magnitude, |_, _| false);
+    Ok(first_delay(contacts, |omega| (-ratio(omega)).arg()))
 }
 
 impl ClosedLoop {
@@ -181,9 +195,7 @@ impl ClosedLoop {
         }
         let with_clay = self.d.plus(&self.n_e)?;
         let with_arm = self.d.plus(&self.n_h)?;
-        if let Some(zero) =
-            lost_at_once(limits(&self.n_e, &with_clay)[1] * limits(&self.n_h, &with_arm)[1])
-        {
+        if let Some(zero) = lost_at_once([&self.n_e, &self.n_h], [&with_clay, &with_arm]) {
             return Ok(zero);
         }
         let mut features = Features::default();
@@ -201,18 +213,43 @@ impl ClosedLoop {
             let s = Complex::new(0.0, omega);
             quotient_at(&self.d, &self.n_e, s) * quotient_at(&self.c, &self.n_h, s)
         };
+        features.add_range(balance::unit_shift(
+            [&self.d, &self.c],
+            [&self.n_e, &self.n_h],
+        ));
         // |1 + q|² - 1 without forming 1 + q.
         let excess = |omega: f64| {
             let q = q(omega);
             let difference = q.norm_sqr() + 2.0 * q.re;
-            if difference.is_finite() {
+            let value = if difference.is_finite() {
                 difference.max(-1.0).ln_1p()
             } else {
                 f64::INFINITY
+            };
+            Sample {
+                value,
+                is_decided: self.is_shift_decided(omega),
             }
         };
-        let crossings = features.mesh().crossings(excess);
-        Ok(first_delay(&crossings, |omega| -(1.0 + q(omega)).arg()))
+        let contacts = features.mesh().contacts(excess, |_, _| false);
+        Ok(first_delay(contacts, |omega| -(1.0 + q(omega)).arg()))
+    }
+
+    /// Whether the sign of `|1 + q|² - 1` for `q = (D/N_E)(C/N_H)` is beyond rounding: of `|Q|² + 2 Re (Q conj M)`,
+    /// where `q = Q / M`.
+    fn is_shift_decided(&self, omega_rad_s: f64) -> bool {
+        let [d, c, n_e, n_h] =
+            [&self.d, &self.c, &self.n_e, &self.n_h].map(|part| part.along_axis(omega_rad_s));
+        let (above, below) = (d.times(&c), n_e.times(&n_h));
+        // Both summands over the scale of the second.
+        let ratio = (above.ln_scale - below.ln_scale).exp();
+        let own = above.times(&above.conj());
+        let mixed = above.times(&below.conj());
+        let (first, second) = (own.value.re * ratio, 2.0 * mixed.value.re);
+        let rounding = f64::EPSILON
+            * (4.0 + above.ln_scale.abs() + below.ln_scale.abs())
+            * (first.abs() + second.abs());
+        own.error.re * ratio + 2.0 * mixed.error.re + rounding < (first + second).abs()
     }
 
     /// Whether the modes that two copies of `P` have apart from each other stay bounded once there is any delay.
@@ -248,18 +285,35 @@ fn least_difference(prompt: Complex<f64>, delayed: Complex<f64>, turn_rad: f64) 
     at_end.min((prompt - delayed).norm())
 }
 
-/// When the delayed part does not fall off against the rest, roots far up the axis cross at the slightest delay.
-fn lost_at_once(ratio_at_infinity: f64) -> Option<DelayMargin> {
-    (1.0 <= ratio_at_infinity).then_some(DelayMargin::Finite {
+/// When the delayed part does not fall off against the rest, roots far up the axis cross, or come as near as one likes,
+/// at the slightest delay. Both parts are products.
+fn lost_at_once<const N: usize>(
+    delayed: [&Polynomial; N],
+    prompt: [&Polynomial; N],
+) -> Option<DelayMargin> {
+    let degree = |product: [&Polynomial; N]| product.iter().map(|p| p.degree()).sum::<usize>();
+    let ln_leading =
+        |product: [&Polynomial; N]| product.iter().map(|p| p.leading().abs().ln()).sum::<f64>();
+    let is_lost = match degree(delayed).cmp(&degree(prompt)) {
+        Ordering::Less => false,
+        Ordering::Equal => -ROUNDING_OF_ONE <= ln_leading(delayed) - ln_leading(prompt),
+        Ordering::Greater => true,
+    };
+    is_lost.then_some(DelayMargin::Finite {
         seconds: 0.0,
         omega_rad_s: f64::INFINITY,
     })
 }
 
-fn first_delay(crossings_rad_s: &[f64], phase_rad: impl Fn(f64) -> f64) -> DelayMargin {
-    crossings_rad_s
-        .iter()
-        .map(|&omega| (phase_rad(omega).rem_euclid(TAU) / omega, omega))
+fn first_delay(contacts: Contacts, phase_rad: impl Fn(f64) -> f64) -> DelayMargin {
+    let omegas = match contacts {
+        Contacts::At(omegas) => omegas,
+        // Equal up to infinite frequency, which is lost at once.
+        Contacts::Everywhere => Vec::new(),
+    };
+    omegas
+        .into_iter()
+        .map(|omega| (phase_rad(omega).rem_euclid(TAU) / omega, omega))
         .filter(|(seconds, _)| seconds.is_finite())
         .min_by(|a, b| a.0.total_cmp(&b.0))
         .map_or(DelayMargin::Unbounded, |(seconds, omega_rad_s)| {

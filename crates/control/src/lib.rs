@@ -8,19 +8,21 @@
 //! |---|---|
 //! | describe a plant | [`Polynomial`], [`RationalFunction`], [`paper`] |
 //! | run it at 1 kHz | [`StateSpace`] → [`DiscreteStateSpace`] with a [`State`] per axis |
-//! | tie the tool to the handle | [`compensators`], [`Inverse`] and [`Follower`] |
+//! | tie the tool to the handle | [`compensators`] and [`Inverse`] |
 //! | know whether a loop is stable, and for how long a delay | [`analysis::analyse`], or [`ClosedLoop`] part by part |
 //! | choose `C_h1` | [`tuning::propose`] |
 //! | know what no wall can pass | [`wall`] |
 
 pub mod analysis;
+mod axis;
+mod balance;
 mod closed_loop;
 pub mod compensators;
 mod curves;
 mod delay;
 mod discrete;
-mod follower;
 mod frequency;
+mod inverse;
 mod margins;
 pub mod paper;
 mod polynomial;
@@ -34,7 +36,7 @@ pub use closed_loop::{ClosedLoop, LoopError};
 pub use curves::Curve;
 pub use delay::{DelayMargin, DelayedScheme, NoMargin, delay_margin};
 pub use discrete::{DiscreteStateSpace, DiscretiseError, State};
-pub use follower::{Follower, FollowerError, FollowerState, Inverse};
+pub use inverse::{Inverse, InverseError};
 pub use margins::{ClassicalMargins, GainMargin, Margins, NyquistDistance, PhaseMargin, SmallGain};
 pub use nalgebra::Complex;
 pub use polynomial::{Polynomial, PolynomialError};

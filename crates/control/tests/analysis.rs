@@ -181,9 +181,8 @@ fn curves_are_dense_where_they_bend() {
         let n = curve.omega_rad_s.len();
         assert!(
             n < 4000
-                && [&curve.re, &curve.im, &curve.magnitude_db, &curve.phase_rad]
-                    .iter()
-                    .all(|v| v.len() == n)
+                && [curve.re.len(), curve.im.len()] == [n, n]
+                && [curve.magnitude_db.len(), curve.phase_rad.len()] == [n, n]
         );
         assert!(
             [1.0, 33.0]
@@ -193,7 +192,8 @@ fn curves_are_dense_where_they_bend() {
         for k in 1..n {
             let point = |k: usize| Complex::new(curve.re[k], curve.im[k]);
             assert!(curve.omega_rad_s[k - 1] < curve.omega_rad_s[k]);
-            assert!((curve.phase_rad[k] - curve.phase_rad[k - 1]).abs() < 0.5);
+            let phase = |k: usize| curve.phase_rad[k].unwrap();
+            assert!((phase(k) - phase(k - 1)).abs() < 0.5);
             for part in [0.25, 0.5, 0.75] {
                 let omega = curve.omega_rad_s[k - 1]
                     * (curve.omega_rad_s[k] / curve.omega_rad_s[k - 1]).powf(part);
@@ -220,9 +220,10 @@ fn curves_are_dense_where_they_bend() {
 #[test]
 fn phase_begins_where_the_integrators_put_it() {
     let curve = input(20.0, 0.0).closed_loop().unwrap().curve(&[]).unwrap();
-    assert!((curve.phase_rad[0] + std::f64::consts::FRAC_PI_2).abs() < 1e-2);
+    let (first, last) = (curve.phase_rad.first(), curve.phase_rad.last());
+    assert!((first.unwrap().unwrap() + std::f64::consts::FRAC_PI_2).abs() < 1e-2);
     // L falls as s^-2 in the end: P as s^-4, the arm's mass lifts it by s^2.
-    assert!((curve.phase_rad.last().unwrap() + std::f64::consts::PI).abs() < 1e-2);
+    assert!((last.unwrap().unwrap() + std::f64::consts::PI).abs() < 1e-2);
 }
 
 #[test]

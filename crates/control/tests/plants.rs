@@ -1,9 +1,7 @@
-//! Sampled plants against independent step responses, and the sampled follower against the law it exists for.
+//! Sampled plants against independent step responses, and the inverse of a sampled plant against the plant.
 
 use proptest::prelude::*;
-use teleclay_control::{
-    DiscreteStateSpace, Follower, FollowerState, Inverse, Polynomial, State, StateSpace, paper,
-};
+use teleclay_control::{Inverse, Polynomial, State, StateSpace, paper};
 
 const DT_S: f64 = 0.001;
 
@@ -47,53 +45,11 @@ fn step_responses_agree_with_the_reference() {
     }
 }
 
-fn follower(
-    mass_kg: f64,
-    damping: f64,
-    stiffness: f64,
-    ratio: f64,
-) -> (Follower, [DiscreteStateSpace; 3]) {
-    let sample = |f: &teleclay_control::RationalFunction| StateSpace::from_rational(f).unwrap();
-    let c_h1 = sample(&paper::default_c_h1()).tustin(DT_S).unwrap();
-    let g_h = sample(&paper::g_hx()).zoh(DT_S).unwrap();
-    let g_t = sample(&paper::g_t(mass_kg, damping, stiffness).unwrap())
-        .zoh(DT_S)
-        .unwrap();
-    (
-        Follower::new(&c_h1, &g_h, &Inverse::new(&g_t).unwrap(), ratio).unwrap(),
-        [c_h1, g_h, g_t],
-    )
-}
-
 proptest! {
-    /// (27) in the sampled loop without delay: y_t = A_h1 y_h, whatever the hand does and however the clay pushes.
-    #[test]
-    fn the_tool_stands_at_the_scaled_handle_position(
-        mass in 0.2..2.0, damping in 5.0..40.0, stiffness in 0.0..200.0, ratio in 0.25..4.0,
-        forces in proptest::collection::vec((-5.0..5.0f64, 0.0..80.0f64), 1..20),
-    ) {
-        let (follower, [c_h1, g_h, g_t]) = follower(mass, damping, stiffness, ratio);
-        let mut memory = FollowerState::default();
-        let (mut admittance, mut handle, mut tool) = (State::default(), State::default(), State::default());
-        let mut tool_before_m = 0.0;
-        for (hand_n, clay_n_s_per_m) in forces {
-            for _ in 0..100 {
-                let handle_m = g_h.output(&handle, 0.0);
-                let tool_m = g_t.output(&tool, 0.0);
-                prop_assert!((tool_m - ratio * handle_m).abs() < 1e-9, "{tool_m} against {}", ratio * handle_m);
-                let clay_n = -clay_n_s_per_m * (tool_m - tool_before_m) / DT_S;
-                tool_before_m = tool_m;
-                let net_n = hand_n + clay_n;
-                g_h.advance(&mut handle, c_h1.step(&mut admittance, net_n));
-                g_t.advance(&mut tool, follower.step(&mut memory, net_n));
-            }
-        }
-    }
-
     /// The inverse reaches any reference one sample later, from any state.
     #[test]
     fn the_inverse_hits_the_next_sample(references in proptest::collection::vec(-0.1..0.1, 1..50)) {
-        let (_, [_, _, g_t]) = follower(0.5, 20.0, 0.0, 1.0);
+        let g_t = StateSpace::from_rational(&paper::default_g_t()).unwrap().zoh(DT_S).unwrap();
         let inverse = Inverse::new(&g_t).unwrap();
         let (mut model, mut plant) = (State::default(), State::default());
         for reference in references {

@@ -4,7 +4,6 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use super::Material;
-use crate::length::{nanometres, to_nanometres};
 use crate::validate::{FieldError, Validate, check};
 
 /// Most voxels along one axis.
@@ -29,7 +28,7 @@ const DEFAULT_WIDTH_M: f64 = 0.064;
 /// The shape of a fresh block. In JSON `{"kind": "block", "size_m": [0.128, 0.064, 0.064]}`.
 ///
 /// The clay's frame has its origin at a corner of the block, z up; the block fills `[0, size]` along each axis. Whatever is
-/// left out takes its default; lengths are kept to the nanometre, so that every reader has the same.
+/// left out takes its default.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(tag = "kind", rename_all = "snake_case", try_from = "RawShape")]
 pub enum ClayShape {
@@ -65,7 +64,6 @@ pub struct ClaySpec {
     pub shape: ClayShape,
     /// Edge of a voxel, m.
     #[schema(minimum = 1e-5, maximum = 0.1)]
-    #[serde(deserialize_with = "nanometres")]
     pub voxel_size_m: f64,
 }
 
@@ -255,7 +253,7 @@ impl TryFrom<RawShape> for ClayShape {
             && raw.width_m.is_none();
         match raw.kind {
             RawKind::Block if only_size => {
-                let size_m = raw.size_m.unwrap_or(DEFAULT_SIZE_M).map(to_nanometres);
+                let size_m = raw.size_m.unwrap_or(DEFAULT_SIZE_M);
                 Ok(Self::Block { size_m })
             }
             RawKind::Block => Err("a block has a size_m and nothing else"),
@@ -264,14 +262,13 @@ impl TryFrom<RawShape> for ClayShape {
             ),
             RawKind::Stepped => {
                 let list = |lengths_m: Option<Vec<f64>>, default_m: &[f64]| {
-                    let lengths_m = lengths_m.unwrap_or_else(|| default_m.to_vec());
-                    lengths_m.into_iter().map(to_nanometres).collect()
+                    lengths_m.unwrap_or_else(|| default_m.to_vec())
                 };
                 Ok(Self::Stepped {
                     edges_m: list(raw.edges_m, &DEFAULT_EDGES_M),
                     depths_of_cut_m: list(raw.depths_of_cut_m, &DEFAULT_DEPTHS_OF_CUT_M),
-                    base_m: to_nanometres(raw.base_m.unwrap_or(DEFAULT_BASE_M)),
-                    width_m: to_nanometres(raw.width_m.unwrap_or(DEFAULT_WIDTH_M)),
+                    base_m: raw.base_m.unwrap_or(DEFAULT_BASE_M),
+                    width_m: raw.width_m.unwrap_or(DEFAULT_WIDTH_M),
                 })
             }
         }

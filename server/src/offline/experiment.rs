@@ -5,13 +5,13 @@ use std::ops::ControlFlow;
 use clap::{Args, ValueEnum};
 use teleclay_control::paper;
 use teleclay_proto::http::theory::{CuttingAnswer, CuttingRequest, HandForceAt};
+use teleclay_theory as theory;
 
 use super::output::Table;
 use super::progress::Showing;
 use super::stability::Numbers;
 use super::values::number;
 use super::{Answer, Input, Output};
-use crate::theory;
 
 /// The cutting experiment. Whatever is left out is that of Fig. 7.
 #[derive(Clone, Debug, Args)]

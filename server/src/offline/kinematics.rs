@@ -4,11 +4,11 @@ use clap::{Args, Subcommand};
 use teleclay_proto::http::theory::{
     ForwardRequest, InverseRequest, JacobianRequest, RobotGeometry,
 };
+use teleclay_theory as theory;
 
 use super::output::Table;
 use super::values::{number, signs, triple};
 use super::{Answer, Input, Output};
-use crate::theory;
 
 /// The robot's kinematics.
 #[derive(Clone, Debug, Subcommand)]

@@ -20,9 +20,9 @@ use clap::{Args, Command, Subcommand};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use teleclay_proto::http::{Validate, parse};
+use teleclay_theory::Unanswered;
 
 use self::output::{Format, Table};
-use crate::theory::Unanswered;
 
 /// What can be asked for without a server.
 #[derive(Clone, Debug, Subcommand)]

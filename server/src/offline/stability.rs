@@ -5,11 +5,11 @@ use teleclay_control::paper;
 use teleclay_proto::http::theory::{
     ComplexPair, DelayVerdict, GainMargin, LoopAnswer, LoopRequest, TransferFunction,
 };
+use teleclay_theory as theory;
 
 use super::output::{Cell, Table, rounded};
 use super::values::{list, number, printed, transfer_function};
 use super::{Answer, Input, Output};
-use crate::theory;
 
 /// A loop by its parts. Whatever is left out is the paper's, or ours where the paper leaves it open.
 #[derive(Clone, Debug, Args)]
@@ -266,7 +266,7 @@ fn curve(answer: &LoopAnswer) -> Table {
             answer.bode.magnitude_db[index],
             answer.bode.phase_rad[index],
         ];
-        table.row([omega, re, im, db, phase].map(Into::into));
+        table.row([omega.into(), re.into(), im.into(), db.into(), phase.into()]);
     }
     table
 }

@@ -4,13 +4,13 @@ use std::ops::ControlFlow;
 
 use clap::{Args, ValueEnum};
 use teleclay_proto::http::theory::{TunedScheme, TuningAnswer, TuningRequest};
+use teleclay_theory as theory;
 
 use super::output::Table;
 use super::progress::Showing;
 use super::stability::{Plants, margin_in_words};
 use super::values::{number, range};
 use super::{Answer, Input, Output};
-use crate::theory;
 
 /// A target for a handle. Plants that are left out are the paper's, or ours where the paper leaves them open.
 #[derive(Clone, Debug, Args)]

@@ -2,13 +2,13 @@
 
 use clap::Args;
 use teleclay_proto::http::theory::{WorkspaceAnswer, WorkspaceRequest};
+use teleclay_theory as theory;
 
 use super::kinematics::Robot;
 use super::output::Table;
 use super::progress::Showing;
 use super::values::{counts, signs, triple};
 use super::{Answer, Input, Output};
-use crate::theory;
 
 /// A map of the workspace. Dexterity is the inverse condition number: 1 where the platform moves alike in all directions, 0 at a
 /// singularity.

@@ -1,5 +1,6 @@
 //! The interface from outside: a real server in this process, requests over loopback connections.
 
+mod answers;
 mod bodies;
 mod calls;
 mod connection;
@@ -10,6 +11,7 @@ mod model;
 mod pages;
 mod rig;
 mod routes;
+mod schema;
 mod stream;
 mod theory;
 mod wire;

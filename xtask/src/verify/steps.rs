@@ -41,7 +41,7 @@ pub(super) const STEPS: [Step; 17] = [
     step("golden", "native code and WebAssembly get the same bits", golden_step),
     step("test", "every Rust test, unit and integration; the wire's vectors", test),
     step("doctest", "examples in the documentation of the code", doctest),
-    step("python", "the mathematics against python-control, mpmath and scipy", python_step),
+    step("python", "the mathematics against python-control, mpmath, scipy and fractions", python_step),
     step("browser", "the dashboard in Chromium against real processes", browser),
     step("demo", "20 seconds of cargo demo", demo),
     step("tidy", "the checks left the checkout as it was", tidy),
@@ -152,7 +152,8 @@ fn python_step() -> Result<()> {
         script
     };
     run(script("references.py").arg(root()))?;
-    run(script("python_control.py").arg(program("examples/analyse_loops")))
+    run(script("python_control.py").arg(program("examples/analyse_loops")))?;
+    run(script("exact_loops.py").arg(program("examples/analyse_loops")))
 }
 
 fn browser() -> Result<()> {

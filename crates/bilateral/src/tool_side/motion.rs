@@ -98,7 +98,7 @@ impl ToolSide {
         self.controller.reindex(self.handle.position());
     }
 
-    /// Drives the tool's plant to `wanted` by way of its inverse: [KHMH03] (31)–(32) end here.
+    /// Drives the tool's plant to `wanted` by way of its inverse: the `G_t^-1` of [KHMH03] (31) and (32).
     pub(super) fn follow(&mut self, wanted: Vec3) {
         let inverse = &self.model.tool_inverse;
         for axis in 0..self.model.axes {

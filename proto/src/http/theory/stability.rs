@@ -84,9 +84,10 @@ pub struct LoopAnswer {
     pub delay_verdict_position_force: DelayVerdict,
     /// Whether `|P| |T_h + rho T_t| < 1` at every frequency (34): sufficient, and tight.
     pub small_gain_holds: bool,
-    /// The greatest of `|L|`, what (34) compares with 1; `null` when unbounded.
+    /// The greatest of `|L|`, what (34) compares with 1; `null` when unbounded, as with a pole of `L` at rest or on the
+    /// imaginary axis.
     pub small_gain_peak: Option<f64>,
-    /// Least of `|1 + L|` (33): exact; `null` when unbounded.
+    /// Least of `|1 + L|` (33): exact, 0 with a closed-loop pole on the imaginary axis; `null` when unbounded.
     pub nyquist_min_distance: Option<f64>,
     /// Where, rad/s; `null` when it is a limit at infinite frequency.
     pub nyquist_min_omega_rad_s: Option<f64>,
@@ -94,7 +95,7 @@ pub struct LoopAnswer {
     pub gain_margin_increase: Option<GainMargin>,
     /// Greatest factor below 1 that does; `null` when none does.
     pub gain_margin_decrease: Option<GainMargin>,
-    /// Least turn of the curve that does; `null` when the gain never passes 1.
+    /// Least turn of the curve that does; `null` when the gain is 1 at no frequency above zero.
     pub phase_margin: Option<PhaseMargin>,
     /// `L` in the complex plane.
     pub nyquist: NyquistCurve,
@@ -102,7 +103,7 @@ pub struct LoopAnswer {
     pub bode: BodeCurve,
 }
 
-/// Compensators at one frequency; `null` at a pole.
+/// Compensators at one frequency; `null` at a pole, and where the value is too large for a number.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CompensatorPoint {
@@ -170,7 +171,8 @@ pub struct PhaseMargin {
     pub omega_rad_s: f64,
 }
 
-/// `L(j omega)` along ascending frequencies; all lists have one length.
+/// `L(j omega)` along ascending frequencies; all lists have one length. Frequencies at which `L` has a pole, or is too
+/// large for a number, are left out.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NyquistCurve {
@@ -188,10 +190,10 @@ pub struct NyquistCurve {
 pub struct BodeCurve {
     /// Frequencies, rad/s.
     pub omega_rad_s: Vec<f64>,
-    /// `20 log10 |L|`, dB.
-    pub magnitude_db: Vec<f64>,
-    /// Phase without jumps, rad.
-    pub phase_rad: Vec<f64>,
+    /// `20 log10 |L|`, dB; `null` where `L` is zero.
+    pub magnitude_db: Vec<Option<f64>>,
+    /// Phase without jumps, rad; `null` where `L` is zero.
+    pub phase_rad: Vec<Option<f64>>,
 }
 
 impl TransferFunction {

@@ -1,7 +1,7 @@
 //! The mathematics of \[KHMH03\] as calls: kinematics, stability, tuning, the cutting experiment.
 //!
 //! What takes longer than a moment runs on a thread of its own, a few at a time, so that it can hold up neither the interface nor the loop
-//! ([`work`]). The calculations themselves are in [`crate::theory`].
+//! ([`work`]). The calculations themselves are in [`teleclay_theory`].
 
 mod work;
 
@@ -12,6 +12,7 @@ use teleclay_proto::http::theory::{
     JacobianAnswer, JacobianRequest, LoopAnswer, LoopRequest, TuningAnswer, TuningRequest,
     WorkspaceAnswer, WorkspaceRequest,
 };
+use teleclay_theory::{self as theory, Unanswered};
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
@@ -24,7 +25,6 @@ use super::problem::{
     BUSY, FIELD, Failure, INFEASIBLE, MEDIA_TYPE, NO_ANSWER, NO_ASSEMBLY, NO_LOOP, SINGULAR,
     SLOW_BODY, SYNTAX, TOO_LARGE, UNREACHABLE, UNTUNABLE,
 };
-use crate::theory::{self, Unanswered};
 
 /// The calls of this module, under `/api/v1`.
 pub(crate) fn routes() -> OpenApiRouter<Api> {

@@ -5,12 +5,12 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+use teleclay_theory::Unanswered;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::task::spawn_blocking;
 use tokio::time::timeout;
 
 use crate::api::problem::{BUSY, Failure, INTERNAL};
-use crate::theory::Unanswered;
 
 /// How much runs at once, and for how long.
 #[derive(Clone, Copy)]

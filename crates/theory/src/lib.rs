@@ -1,7 +1,16 @@
-//! The calls of the theory, from a request to an answer, without HTTP: the interface and the command line both use them.
+//! The calls of the theory, from a request to an answer, without HTTP: the server's interface and its command line both
+//! use them.
 //!
-//! The mathematics is in `teleclay_kinematics`, `teleclay_control` and `teleclay_sim::experiment`; here requests become their inputs,
-//! and their errors say which field of the request is at fault.
+//! The mathematics is in `teleclay_kinematics`, `teleclay_control` and `teleclay_sim::experiment`; here requests
+//! become their inputs, and their errors say which field of the request is at fault. What takes long is told now and then
+//! to go on, and ends when it is not: whoever calls brings the clock.
+//!
+//! | call | function |
+//! |---|---|
+//! | the parallel robot | [`inverse`], [`forward`], [`jacobian`], [`workspace()`] |
+//! | a loop: poles, margins, delay margins, curves | [`analyse`] |
+//! | the lightest handle that keeps a margin | [`tune`] |
+//! | the cutting experiment through the clay | [`cutting()`] |
 
 mod cutting;
 mod robot;
