@@ -1,10 +1,18 @@
 //! The tool's shape, as it is told to handles and watchers.
 
-use serde::{Deserialize, Serialize};
+use std::ops::RangeInclusive;
+
+use serde::{Deserialize, Deserializer, Serialize};
 use utoipa::ToSchema;
 
 use crate::http::{FieldError, Validate, check};
-use crate::length::to_nanometres;
+use crate::length::within;
+use crate::word::words;
+
+/// Radius of a ball.
+const RADIUS_M: RangeInclusive<f64> = 1e-4..=0.1;
+/// Side of a blade.
+const SIDE_M: RangeInclusive<f64> = 1e-4..=0.5;
 
 /// The shape of a tool. In JSON `{"kind": "ball", "radius_m": 0.0064}`; lengths are kept to the nanometre, so that every
 /// reader has the same.
@@ -47,15 +55,15 @@ impl Validate for ToolDescription {
     /// A radius outside of 0.1 mm to 0.1 m; a blade with a side outside of 0.1 mm to 0.5 m.
     fn validate(&self) -> Result<(), FieldError> {
         match *self {
-            Self::Ball { radius_m } => check("/radius_m", radius_m, 1e-4..=0.1),
+            Self::Ball { radius_m } => check("/radius_m", radius_m, RADIUS_M),
             Self::Blade {
                 width_m,
                 height_m,
                 thickness_m,
             } => {
-                check("/width_m", width_m, 1e-4..=0.5)?;
-                check("/height_m", height_m, 1e-4..=0.5)?;
-                check("/thickness_m", thickness_m, 1e-4..=0.5)
+                check("/width_m", width_m, SIDE_M)?;
+                check("/height_m", height_m, SIDE_M)?;
+                check("/thickness_m", thickness_m, SIDE_M)
             }
         }
     }
@@ -66,17 +74,29 @@ impl Validate for ToolDescription {
 #[serde(deny_unknown_fields, expecting = "an object that describes a tool")]
 struct RawTool {
     kind: RawKind,
+    #[serde(default, deserialize_with = "radius")]
     radius_m: Option<f64>,
+    #[serde(default, deserialize_with = "side")]
     width_m: Option<f64>,
+    #[serde(default, deserialize_with = "side")]
     height_m: Option<f64>,
+    #[serde(default, deserialize_with = "side")]
     thickness_m: Option<f64>,
 }
 
-#[derive(Clone, Copy, Deserialize)]
-#[serde(rename_all = "snake_case")]
-enum RawKind {
-    Ball,
-    Blade,
+fn radius<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<f64>, D::Error> {
+    within(deserializer, RADIUS_M).map(Some)
+}
+
+fn side<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<f64>, D::Error> {
+    within(deserializer, SIDE_M).map(Some)
+}
+
+words! {
+    enum RawKind: "kind of tool" {
+        Ball "ball",
+        Blade "blade",
+    }
 }
 
 impl TryFrom<RawTool> for ToolDescription {
@@ -84,7 +104,7 @@ impl TryFrom<RawTool> for ToolDescription {
 
     fn try_from(raw: RawTool) -> Result<Self, Self::Error> {
         let lengths = [raw.radius_m, raw.width_m, raw.height_m, raw.thickness_m];
-        match (raw.kind, lengths.map(|length| length.map(to_nanometres))) {
+        match (raw.kind, lengths) {
             (RawKind::Ball, [Some(radius_m), None, None, None]) => Ok(Self::Ball { radius_m }),
             (RawKind::Ball, _) => Err("a ball has a radius_m and nothing else"),
             (RawKind::Blade, [None, Some(width_m), Some(height_m), Some(thickness_m)]) => {

@@ -1,10 +1,17 @@
 //! Blocks of clay: what they start as.
 
-use serde::{Deserialize, Serialize};
-use utoipa::ToSchema;
+use std::borrow::Cow;
+use std::ops::RangeInclusive;
 
+use serde::{Deserialize, Deserializer, Serialize};
+use utoipa::openapi::RefOr;
+use utoipa::openapi::schema::Schema;
+use utoipa::{PartialSchema, ToSchema};
+
+use super::schema::number;
 use super::{FieldError, Material, Validate, check};
-use crate::length::{nanometres, to_nanometres};
+use crate::length::within;
+use crate::word::words;
 
 /// Most voxels along one axis.
 pub const MAX_VOXELS_PER_AXIS: u32 = 512;
@@ -12,8 +19,12 @@ pub const MAX_VOXELS_PER_AXIS: u32 = 512;
 /// Most steps of a stepped block.
 pub const MAX_STEPS: usize = 64;
 
-/// Longest edge of a block, m.
-const MAX_SIZE_M: f64 = 10.0;
+/// Edge of a block.
+const EDGE_M: RangeInclusive<f64> = 1e-5..=10.0;
+/// Where something on a block may be.
+const PLACE_M: RangeInclusive<f64> = 0.0..=10.0;
+/// Edge of a voxel.
+const VOXEL_M: RangeInclusive<f64> = 1e-5..=0.1;
 /// Extent of a block that is not told otherwise, m.
 const DEFAULT_SIZE_M: [f64; 3] = [0.128, 0.064, 0.064];
 /// Where the steps of the cutting experiment begin and end, `[KHMH03]` Fig. 7.
@@ -35,23 +46,23 @@ pub enum ClayShape {
     /// A full block.
     Block {
         /// Extent along x, y, z, m.
-        #[schema(required = false)]
+        #[schema(required = false, value_type = Vec<Edge>, min_items = 3, max_items = 3)]
         size_m: [f64; 3],
     },
     /// The block of the cutting experiment: its top rises in steps along x, so that a blade which moves level cuts one
     /// depth after the other.
     Stepped {
         /// Where the steps begin and end along x, m: ascending, one more than there are depths. Nothing stands outside.
-        #[schema(required = false)]
+        #[schema(required = false, value_type = Vec<Place>, min_items = 2, max_items = 65)]
         edges_m: Vec<f64>,
         /// Height of each step above the blade's lower edge, m; 1 to 64 steps.
-        #[schema(required = false)]
+        #[schema(required = false, value_type = Vec<Edge>, min_items = 1, max_items = 64)]
         depths_of_cut_m: Vec<f64>,
         /// Height of the clay below the blade's lower edge, m.
-        #[schema(required = false)]
+        #[schema(required = false, value_type = Place)]
         base_m: f64,
         /// Extent along y, m.
-        #[schema(required = false)]
+        #[schema(required = false, value_type = Edge)]
         width_m: f64,
     },
 }
@@ -64,7 +75,7 @@ pub struct ClaySpec {
     pub shape: ClayShape,
     /// Edge of a voxel, m.
     #[schema(minimum = 1e-5, maximum = 0.1)]
-    #[serde(deserialize_with = "nanometres")]
+    #[serde(deserialize_with = "voxel_size")]
     pub voxel_size_m: f64,
 }
 
@@ -169,7 +180,7 @@ impl Validate for ClayShape {
                     let detail = format!("{edges} edges for {depths} depths, wanted one more");
                     return Err(FieldError::new("/edges_m", detail));
                 }
-                check("/edges_m/0", edges_m[0], 0.0..=MAX_SIZE_M)?;
+                check("/edges_m/0", edges_m[0], PLACE_M)?;
                 for (index, pair) in edges_m.windows(2).enumerate() {
                     let pointer = format!("/edges_m/{}", index + 1);
                     check_length(&pointer, pair[1])?;
@@ -181,7 +192,7 @@ impl Validate for ClayShape {
                 for (index, depth) in depths_of_cut_m.iter().enumerate() {
                     check_length(&format!("/depths_of_cut_m/{index}"), *depth)?;
                 }
-                check("/base_m", *base_m, 0.0..=MAX_SIZE_M)?;
+                check("/base_m", *base_m, PLACE_M)?;
                 check_length("/width_m", *width_m)
             }
         }
@@ -191,7 +202,7 @@ impl Validate for ClayShape {
 impl Validate for ClaySpec {
     fn validate(&self) -> Result<(), FieldError> {
         self.shape.validate_under("/shape")?;
-        check("/voxel_size_m", self.voxel_size_m, 1e-5..=0.1)?;
+        check("/voxel_size_m", self.voxel_size_m, VOXEL_M)?;
         for (axis, size) in ["x", "y", "z"].into_iter().zip(self.shape.size_m()) {
             // A millionth of a voxel is what the division's rounding may add.
             let voxels = (size / self.voxel_size_m - 1e-6).ceil();
@@ -207,7 +218,7 @@ impl Validate for ClaySpec {
 }
 
 fn check_length(pointer: &str, length: f64) -> Result<(), FieldError> {
-    check(pointer, length, 1e-5..=MAX_SIZE_M)
+    check(pointer, length, EDGE_M)
 }
 
 impl Validate for ClayReset {
@@ -226,22 +237,62 @@ impl Validate for ClayReset {
 struct RawShape {
     kind: RawKind,
     #[serde(default, deserialize_with = "super::patch::present")]
-    size_m: Option<[f64; 3]>,
+    size_m: Option<[Edge; 3]>,
     #[serde(default, deserialize_with = "super::patch::present")]
-    edges_m: Option<Vec<f64>>,
+    edges_m: Option<Vec<Place>>,
     #[serde(default, deserialize_with = "super::patch::present")]
-    depths_of_cut_m: Option<Vec<f64>>,
+    depths_of_cut_m: Option<Vec<Edge>>,
     #[serde(default, deserialize_with = "super::patch::present")]
-    base_m: Option<f64>,
+    base_m: Option<Place>,
     #[serde(default, deserialize_with = "super::patch::present")]
-    width_m: Option<f64>,
+    width_m: Option<Edge>,
 }
 
-#[derive(Clone, Copy, Deserialize)]
-#[serde(rename_all = "snake_case")]
-enum RawKind {
-    Block,
-    Stepped,
+macro_rules! lengths {
+    ($($(#[doc = $text:literal])+ $name:ident, $schema:literal: $range:ident;)+) => {
+        $(
+            $(#[doc = $text])+
+            struct $name(f64);
+
+            impl<'de> Deserialize<'de> for $name {
+                fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+                    within(deserializer, $range).map(Self)
+                }
+            }
+
+            impl PartialSchema for $name {
+                fn schema() -> RefOr<Schema> {
+                    let text = concat!($($text),+).trim();
+                    number($range).description(Some(text)).into()
+                }
+            }
+
+            impl ToSchema for $name {
+                fn name() -> Cow<'static, str> {
+                    Cow::Borrowed($schema)
+                }
+            }
+        )+
+    };
+}
+
+lengths! {
+    /// Length of an edge of a block, or of a step in it, m.
+    Edge, "BlockEdge": EDGE_M;
+    /// Where something on a block is along one axis, m.
+    Place, "BlockPlace": PLACE_M;
+}
+
+/// Reads the edge of a voxel.
+pub(crate) fn voxel_size<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+    within(deserializer, VOXEL_M)
+}
+
+words! {
+    enum RawKind: "shape of clay" {
+        Block "block",
+        Stepped "stepped",
+    }
 }
 
 impl TryFrom<RawShape> for ClayShape {
@@ -254,23 +305,27 @@ impl TryFrom<RawShape> for ClayShape {
             && raw.width_m.is_none();
         match raw.kind {
             RawKind::Block if only_size => {
-                let size_m = raw.size_m.unwrap_or(DEFAULT_SIZE_M).map(to_nanometres);
-                Ok(Self::Block { size_m })
+                let size_m = raw.size_m.map(|size_m| size_m.map(|Edge(edge_m)| edge_m));
+                Ok(Self::Block {
+                    size_m: size_m.unwrap_or(DEFAULT_SIZE_M),
+                })
             }
             RawKind::Block => Err("a block has a size_m and nothing else"),
             RawKind::Stepped if raw.size_m.is_some() => Err(
                 "a stepped block has edges_m, depths_of_cut_m, a base_m and a width_m, and no size_m",
             ),
             RawKind::Stepped => {
-                let list = |lengths_m: Option<Vec<f64>>, default_m: &[f64]| {
-                    let lengths_m = lengths_m.unwrap_or_else(|| default_m.to_vec());
-                    lengths_m.into_iter().map(to_nanometres).collect()
-                };
+                let edges_m = raw
+                    .edges_m
+                    .map(|edges_m| edges_m.into_iter().map(|Place(at_m)| at_m).collect());
+                let depths_m = raw
+                    .depths_of_cut_m
+                    .map(|depths_m| depths_m.into_iter().map(|Edge(depth_m)| depth_m).collect());
                 Ok(Self::Stepped {
-                    edges_m: list(raw.edges_m, &DEFAULT_EDGES_M),
-                    depths_of_cut_m: list(raw.depths_of_cut_m, &DEFAULT_DEPTHS_OF_CUT_M),
-                    base_m: to_nanometres(raw.base_m.unwrap_or(DEFAULT_BASE_M)),
-                    width_m: to_nanometres(raw.width_m.unwrap_or(DEFAULT_WIDTH_M)),
+                    edges_m: edges_m.unwrap_or_else(|| DEFAULT_EDGES_M.to_vec()),
+                    depths_of_cut_m: depths_m.unwrap_or_else(|| DEFAULT_DEPTHS_OF_CUT_M.to_vec()),
+                    base_m: raw.base_m.map_or(DEFAULT_BASE_M, |Place(base_m)| base_m),
+                    width_m: raw.width_m.map_or(DEFAULT_WIDTH_M, |Edge(width_m)| width_m),
                 })
             }
         }

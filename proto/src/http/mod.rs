@@ -11,6 +11,8 @@ mod health;
 mod network;
 mod patch;
 mod problem;
+mod read;
+mod schema;
 mod session;
 pub mod theory;
 mod validate;
@@ -20,7 +22,9 @@ pub use clay::{ClayReset, ClayShape, ClaySpec, MAX_STEPS, MAX_VOXELS_PER_AXIS};
 pub use hash::{ClayHash, ClayHashError};
 pub use health::{Health, HealthStatus, Readiness};
 pub use network::{Burst, Impairment, JitterDistribution, Network, Outage};
-pub use patch::{ImpairmentPatch, MaterialPatch, NetworkPatch, SessionPatch};
+pub use patch::{
+    BurstPatch, ImpairmentPatch, MaterialPatch, NetworkPatch, OutagePatch, SessionPatch,
+};
 pub use problem::Problem;
 pub use session::{
     ClayState, CorrectionsState, LoopState, MAX_TOOLS, NewSession, Quantiles, Session,
@@ -28,6 +32,8 @@ pub use session::{
 };
 pub use validate::{FieldError, Validate, readable};
 
-pub(crate) use validate::{check, check_text};
+pub(crate) use clay::voxel_size;
+pub(crate) use patch::present;
+pub(crate) use validate::{check, check_text, whole_within};
 
 pub use crate::{Axes, Material, NodeName, Scheme, SessionId, ToolDescription};
