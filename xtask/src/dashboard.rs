@@ -14,7 +14,7 @@ use crate::workspace::{Workspace, root};
 const PACKAGE_FILES: [&str; 3] = ["package.json", "package-lock.json", ".npmrc"];
 
 /// Folders of client-web that the build does not read: what it makes, what npm makes, and the browser's tests.
-const NOT_SOURCES: [&str; 3] = ["dist", "node_modules", "browser"];
+const NOT_SOURCES: [&str; 4] = ["dist", "generated", "node_modules", "browser"];
 
 /// Installs packages and builds client-web/dist, each only when needed.
 pub(crate) fn build(workspace: &Workspace, interrupt: &Interrupt) -> Result<()> {

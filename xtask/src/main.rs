@@ -9,6 +9,7 @@ mod demo;
 mod figures;
 mod process;
 mod progress;
+mod promtool;
 mod python;
 mod release;
 mod soak;

@@ -6,7 +6,7 @@ use std::borrow::Cow;
 use std::ops::RangeInclusive;
 
 use utoipa::openapi::schema::{ArrayBuilder, ArrayItems, ObjectBuilder, Schema, Type};
-use utoipa::openapi::{Object, RefOr};
+use utoipa::openapi::{Object, Ref, RefOr};
 use utoipa::{PartialSchema, ToSchema};
 
 /// A number within a range.
@@ -57,9 +57,9 @@ schemas! {
     /// A place as x, y and z, m.
     Position: list(number(-1e9..=1e9), 3);
     /// Two corners of a box, the least first, m.
-    Region: list(Position::schema(), 2);
+    Region: list(Ref::from_schema_name("Position"), 2);
     /// Three rows of a matrix, or one place for each of three arms.
-    Matrix: list(Vector::schema(), 3);
+    Matrix: list(Ref::from_schema_name("Vector"), 3);
     /// Two numbers: real and imaginary part, or least and greatest.
     Pair: list(any_number(), 2);
     /// Least and greatest of something that is not below zero.

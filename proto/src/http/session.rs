@@ -104,6 +104,7 @@ pub struct Session {
     /// What the loop does.
     pub state: SessionState,
     /// Why the session is in fault; `null` when it is not.
+    #[schema(required)]
     pub fault: Option<String>,
     /// What the clay resists with.
     pub material: Material,

@@ -8,7 +8,7 @@ use super::{citations, compose, golden, image, links};
 use crate::process::{Interrupt, command, run};
 use crate::tools::{WASM, answer, install_chromium, install_wasm_target, require_node};
 use crate::workspace::{Workspace, cargo, root};
-use crate::{dashboard, demo, python, release};
+use crate::{dashboard, demo, promtool, python, release};
 
 /// One check that passes or fails as a whole.
 pub(super) struct Step {
@@ -84,7 +84,7 @@ pub(super) const STEPS: [Step; 16] = [
     },
     Step {
         name: "python",
-        what: "the mathematics against python-control, mpmath and scipy",
+        what: "the mathematics against python-control, mpmath and scipy, the interface against jsonschema",
         run: python_step,
     },
     Step {
@@ -108,6 +108,7 @@ fn tools(workspace: &Workspace, interrupt: &Interrupt) -> Result<()> {
     require_node()?;
     install_wasm_target(interrupt)?;
     install_chromium(interrupt)?;
+    promtool::install(workspace, interrupt)?;
     python::install(workspace, interrupt)?;
     dashboard::install(workspace, interrupt)
 }
@@ -198,7 +199,7 @@ fn golden_step(workspace: &Workspace, interrupt: &Interrupt) -> Result<()> {
     report("different bits", golden::check(workspace, interrupt)?)
 }
 
-fn test(_: &Workspace, interrupt: &Interrupt) -> Result<()> {
+fn test(workspace: &Workspace, interrupt: &Interrupt) -> Result<()> {
     let has_nextest = answer(command(cargo()).args(["nextest", "--version"])).is_some();
     let arguments: &[&str] = if has_nextest {
         &[
@@ -221,7 +222,12 @@ fn test(_: &Workspace, interrupt: &Interrupt) -> Result<()> {
             "--tests",
         ]
     };
-    run(command(cargo()).args(arguments), interrupt)
+    let mut tests = command(cargo());
+    tests.args(arguments);
+    if let Some(promtool) = promtool::program(workspace) {
+        tests.env(promtool::VARIABLE, promtool);
+    }
+    run(&mut tests, interrupt)
 }
 
 /// Apart from the tests, as nextest does not run them.
@@ -232,7 +238,7 @@ fn doctest(_: &Workspace, interrupt: &Interrupt) -> Result<()> {
     )
 }
 
-/// Other people's mathematics about the same loops, robots, plants and experiments.
+/// Other people's mathematics about the same loops, robots, plants and experiments; and other people's reading of the interface's schemas.
 fn python_step(workspace: &Workspace, interrupt: &Interrupt) -> Result<()> {
     python::install(workspace, interrupt)?;
     // Of the whole workspace, so that nothing is compiled again with other features.
@@ -248,7 +254,9 @@ fn python_step(workspace: &Workspace, interrupt: &Interrupt) -> Result<()> {
     };
     run(script("references.py").arg(root()), interrupt)?;
     let analyse_loops = workspace.program("examples/analyse_loops");
-    run(script("python_control.py").arg(analyse_loops), interrupt)
+    run(script("python_control.py").arg(analyse_loops), interrupt)?;
+    let server = workspace.program("teleclay-server");
+    run(script("interface.py").arg(server), interrupt)
 }
 
 fn browser(workspace: &Workspace, interrupt: &Interrupt) -> Result<()> {

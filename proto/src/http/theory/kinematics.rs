@@ -177,6 +177,7 @@ pub struct WorkspaceAnswer {
     /// Volume of the reachable cells, m³; 0 for a slice.
     pub reachable_volume_m3: f64,
     /// Mean over the reachable cells; `null` where there are none.
+    #[schema(required)]
     pub mean_dexterity: Option<f64>,
 }
 

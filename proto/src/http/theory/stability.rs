@@ -77,26 +77,34 @@ pub struct LoopAnswer {
     /// Whether all of them are left of the axis.
     pub stable_without_delay: bool,
     /// Round trip that the paper's own scheme bears, s; `null` unless the verdict is `finite`.
+    #[schema(required)]
     pub delay_margin_force_exchange_s: Option<f64>,
     /// What that margin is, or why there is none.
     pub delay_verdict_force_exchange: DelayVerdict,
     /// Round trip that position forward, force back bears, s; `null` unless the verdict is `finite`.
+    #[schema(required)]
     pub delay_margin_position_force_s: Option<f64>,
     /// What that margin is, or why there is none.
     pub delay_verdict_position_force: DelayVerdict,
     /// Whether `|P| |T_h + rho T_t| < 1` at every frequency (34): sufficient, and tight.
     pub small_gain_holds: bool,
     /// The greatest of `|L|`, what (34) compares with 1; `null` when unbounded.
+    #[schema(required)]
     pub small_gain_peak: Option<f64>,
     /// Least of `|1 + L|` (33): exact; `null` when unbounded.
+    #[schema(required)]
     pub nyquist_min_distance: Option<f64>,
     /// Where, rad/s; `null` when it is a limit at infinite frequency.
+    #[schema(required)]
     pub nyquist_min_omega_rad_s: Option<f64>,
     /// Least factor above 1 on the loop gain that makes the loop lose its stability; `null` when none does.
+    #[schema(required)]
     pub gain_margin_increase: Option<GainMargin>,
     /// Greatest factor below 1 that does; `null` when none does.
+    #[schema(required)]
     pub gain_margin_decrease: Option<GainMargin>,
     /// Least turn of the curve that does; `null` when the gain never passes 1.
+    #[schema(required)]
     pub phase_margin: Option<PhaseMargin>,
     /// `L` in the complex plane.
     pub nyquist: NyquistCurve,
@@ -111,16 +119,16 @@ pub struct CompensatorPoint {
     /// Frequency, rad/s.
     pub omega_rad_s: f64,
     /// `C_h1`.
-    #[schema(value_type = Option<Pair>)]
+    #[schema(required, value_type = Option<Pair>)]
     pub c_h1: Option<ComplexPair>,
     /// `C_t1` (30).
-    #[schema(value_type = Option<Pair>)]
+    #[schema(required, value_type = Option<Pair>)]
     pub c_t1: Option<ComplexPair>,
     /// `C_h2` (31).
-    #[schema(value_type = Option<Pair>)]
+    #[schema(required, value_type = Option<Pair>)]
     pub c_h2: Option<ComplexPair>,
     /// `C_t2` (32).
-    #[schema(value_type = Option<Pair>)]
+    #[schema(required, value_type = Option<Pair>)]
     pub c_t2: Option<ComplexPair>,
 }
 
@@ -163,6 +171,7 @@ pub struct GainMargin {
     /// The factor.
     pub factor: f64,
     /// Phase crossover, rad/s; `null` at infinite frequency.
+    #[schema(required)]
     pub omega_rad_s: Option<f64>,
 }
 

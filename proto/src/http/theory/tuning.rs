@@ -78,6 +78,7 @@ pub struct TuningAnswer {
     /// Distance that it keeps in the least favourable clay, over every delay up to the wish's.
     pub distance: f64,
     /// Shortest delay margin over the clay range, s; `null` when unbounded.
+    #[schema(required)]
     pub delay_margin_s: Option<f64>,
     /// What that margin is.
     pub delay_verdict: DelayVerdict,
