@@ -1,9 +1,9 @@
 // A session as a server would tell it, for tests.
 
-import type { Session } from "../protocol/session";
+import type { Impairment, Session } from "../protocol/session";
 
 export function fakeSession(change: Partial<Session> = {}): Session {
-  const impairment = { delay_s: 0, jitter_s: 0, loss: 0, seed: 1 };
+  const impairment: Impairment = { delay_s: 0, jitter_s: 0, loss: 0, seed: 1, jitter_distribution: "normal", duplicate: 0, reorder: 0 };
   return {
     id: "demo",
     scheme: "replica",
