@@ -1,4 +1,5 @@
-// What goes wrong at a page: numbers that mean nothing or two things, a graphics context that is taken away, a stream that is closed.
+// What goes wrong at a page: numbers that mean nothing or two things, a graphics context that is taken away, a stream
+// that is closed.
 
 import { beforeAll, describe, expect, it } from "vitest";
 import { benchAt } from "./bench";

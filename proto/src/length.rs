@@ -16,7 +16,8 @@ pub(crate) fn to_nanometres(length_m: f64) -> f64 {
     (length_m * 1e9).round() / 1e9
 }
 
-/// Reads a length within `range_m`, to the nearest nanometre. The range comes first: rounding would pull into it what lies just outside.
+/// Reads a length within `range_m`, to the nearest nanometre. The range comes first: rounding would pull into it what
+/// lies just outside.
 pub(crate) fn within<'de, D: Deserializer<'de>>(
     deserializer: D,
     range_m: RangeInclusive<f64>,

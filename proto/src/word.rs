@@ -1,7 +1,7 @@
 //! Enumerations that travel as one byte or as one lower-case word.
 //!
-//! A word is read from a text and from nothing else. What serde derives for an enumeration also takes an object of one field for the word
-//! that is the field's name.
+//! A word is read from a text and from nothing else. What serde derives for an enumeration also takes an object of one
+//! field for the word that is the field's name.
 
 use std::fmt;
 use std::marker::PhantomData;
@@ -21,7 +21,8 @@ pub struct UnknownWord {
     pub wanted: &'static [&'static str],
 }
 
-/// Declares an enumeration once, with its word, and with its byte where it has one, side by side, so that they cannot drift apart.
+/// Declares an enumeration once, with its word, and with its byte where it has one, side by side, so that they cannot
+/// drift apart.
 macro_rules! words {
     (
         $(#[$meta:meta])*

@@ -192,7 +192,7 @@ fn a_whole_number_may_be_written_in_any_way() {
         };
         assert_eq!(error.pointer, pointer, "{body}");
     }
-    // Nothing else becomes of a number that is no whole one by nature.
+    // A quantity may be written as a whole number, and stays what it was.
     let body = br#"{"network":{"up":{"delay_s":1,"loss":1.0,"seed":-0.0}}}"#;
     let patch: SessionPatch = parse(body).expect("they are in range");
     let up = patch
@@ -205,7 +205,8 @@ fn a_whole_number_may_be_written_in_any_way() {
     );
 }
 
-/// Rounding to the nanometre must not pull into a range what lies outside of it. Numbers have 15 digits, which arrive as they left.
+/// Rounding to the nanometre must not pull into a range what lies outside of it. Numbers have 15 digits, which arrive
+/// as they left.
 #[test]
 fn a_length_just_out_of_range_is_refused() {
     let blade = |side: f64| json!({ "kind": "blade", "width_m": side, "height_m": 0.01, "thickness_m": 0.01 });

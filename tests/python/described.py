@@ -1,4 +1,4 @@
-"""A server as its OpenAPI document describes it: every answer is held against the document, read by the jsonschema library."""
+"""A server as its OpenAPI document describes it. Every answer is held against the document, by the jsonschema library."""
 
 import base64
 import contextlib
@@ -21,8 +21,8 @@ from referencing.jsonschema import DRAFT202012
 # Nothing waits as long as this unless it fails, s.
 PATIENCE_S = 60
 
-# Fields whose value must fit another's, which no schema can say: where one of them is named, or something in it, its own schema need not be at
-# fault.
+# Fields whose value must fit another's, which no schema can say: where one of them is named, or something in it, its
+# own schema need not be at fault.
 MUST_FIT = [
     "/outage/length_s",  # shorter than every_s
     "/outage",  # one that begins is whole

@@ -4,11 +4,12 @@
 
 SERVER is the program teleclay-server. Every call is made, with every status that can be brought about from outside, and
 
-    answers   each has a status and a media type that are described, and a body that keeps to its schema; no detail speaks of types of the
-              program
-    bounds    each number of each request is set to each bound that its schema tells, and to its neighbours: what the schema allows is
-              accepted, what it forbids is refused
-    shapes    likewise with other kinds of value, words in disguise, fields left out and lists of another length at every place of every body
+    answers   each has a status and a media type that are described, and a body that keeps to its schema; no detail
+              speaks of types of the program
+    bounds    each number of each request is set to each bound that its schema tells, and to its neighbours: what the
+              schema allows is accepted, what it forbids is refused
+    shapes    likewise with other kinds of value, words in disguise, fields left out and lists of another length at
+              every place of every body
     messages  likewise with the text messages of a stream, both ways
 
 Exits with 0 when everything agrees.
@@ -123,7 +124,7 @@ def check_bodies(interface, bodies):
         lacking = None
         for full in fulls:
             if interface.fault(place, full):
-                sys.exit(f"{method} {path}: the body is no good one: {interface.fault(place, full)}")
+                sys.exit(f"{method} {path}: the body breaks its schema: {interface.fault(place, full)}")
             answer = interface.ask(method, path, full)
             if 300 <= answer.status:
                 sys.exit(f"{method} {path}: the good body is answered with {answer.status} {answer.text}")
@@ -156,7 +157,8 @@ def check_statuses(interface):
             (400, {"Host": ""}),
         ]:
             answer = interface.send(method, where, headers=headers | more, **body)
-            # Reading is nobody's harm: it is the browser that keeps the answer from the page. A stream is not asked for without an upgrade.
+            # Reading is nobody's harm: it is the browser that keeps the answer from the page. A stream is not asked for
+            # without an upgrade.
             may_read = status == 403 and method == "get"
             interface.expect(answer, {200, 403, 426} if may_read else {status})
         answer = interface.send("PUT", where)
@@ -300,7 +302,7 @@ def numbers_of(bodies):
 
 
 def draws(schemas):
-    """Whole and broken numbers in every spelling; bounds and their neighbours; what is no number."""
+    """Whole and broken numbers in every spelling; bounds and their neighbours; other kinds of value."""
     found = [0, 1, 1.0, 2.0, -1, 2.5, "1", None, True, [1], 1e300, -1e300]
     is_whole = any(schema.get("type") == "integer" for schema in schemas)
     for schema in schemas:

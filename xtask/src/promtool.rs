@@ -1,7 +1,7 @@
 //! Prometheus' own judge of figures, `promtool`, for the server's tests.
 //!
-//! Debian has it in one package with the Prometheus server, which would start to run here. So the package is only unpacked, under target/, and
-//! all but `promtool` is thrown away again.
+//! Debian has it in one package with the Prometheus server, which would start to run here. So the package is only
+//! unpacked, under target/, and all but `promtool` is thrown away again.
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -1,7 +1,8 @@
 // A canvas with a 3-D view in it, and what is said in its place while there is no picture.
 //
-// The browser takes a canvas its drawing context away when the graphics driver starts anew or too many pages draw, and gives it back when it can;
-// what the graphics card held is gone by then. So the view goes with its context, and another one is made of what the page knows.
+// The browser takes a canvas its drawing context away when the graphics driver starts anew or too many pages draw, and
+// gives it back when it can; what the graphics card held is gone by then. So the view goes with its context, and
+// another one is made of what the page knows.
 
 import { type Signal, useSignal } from "@preact/signals";
 import type { JSX } from "preact";

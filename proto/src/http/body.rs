@@ -39,9 +39,9 @@ where
     require_object(&document)?;
     let value: T = serde_path_to_error::deserialize(Reader(&document))
         .map_err(|error| FieldError::new(pointer(error.path()), error.inner().to_string()))?;
-    // Serde also reads a struct from an array of its fields in order. The reader does not let it, but for what is inside of an
-    // enumeration that is told apart by one of its fields. Nobody documents such a body, and a field added later would change its meaning:
-    // wherever the value is an object, the body must have one.
+    // Serde also reads a struct from an array of its fields in order. The reader does not let it, but for what is
+    // inside of an enumeration that is told apart by one of its fields. Nobody documents such a body, and a field added
+    // later would change its meaning: wherever the value is an object, the body must have one.
     compare(
         &document,
         &serde_json::to_value(&value).map_err(syntax_error)?,

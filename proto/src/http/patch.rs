@@ -235,8 +235,8 @@ pub struct OutagePatch {
 }
 
 impl SessionPatch {
-    /// Checks what only shows beside the network as it is: parts that are left out and that nothing has a value for, and parts that do not
-    /// fit each other.
+    /// Checks what only shows beside the network as it is: parts that are left out and that nothing has a value for,
+    /// and parts that do not fit each other.
     ///
     /// # Errors
     /// The first field at fault.
@@ -272,8 +272,8 @@ impl MaterialPatch {
 }
 
 impl NetworkPatch {
-    /// The network after the change. Where an outage or a burst begins and a part of it is left out, that part is NaN, which no network may
-    /// have; [`SessionPatch::fits`] says so beforehand.
+    /// The network after the change. Where an outage or a burst begins and a part of it is left out, that part is NaN,
+    /// which no network may have; [`SessionPatch::fits`] says so beforehand.
     #[must_use]
     pub fn apply(&self, to: Network) -> Network {
         Network {

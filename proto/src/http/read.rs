@@ -1,7 +1,9 @@
-//! Reads types from a JSON document by the rules of the interface, and says in the words of the interface what is wrong.
+//! Reads types from a JSON document by the rules of the interface, and says in the words of the interface what is
+//! wrong.
 //!
-//! Serde alone is both stricter and laxer than a JSON schema: it refuses `1.0` where a whole number is wanted, and takes an array for an
-//! object, and an object of one field for a word. Its errors name types of this program, which nobody outside knows.
+//! Serde alone is both stricter and laxer than a JSON schema: it refuses `1.0` where a whole number is wanted, and
+//! takes an array for an object, and an object of one field for a word. Its errors name types of this program, which
+//! nobody outside knows.
 
 use std::borrow::Cow;
 use std::collections::BTreeSet;
@@ -83,8 +85,8 @@ impl<'de> Deserialize<'de> for Document {
 
 /// Reads one value of a document.
 ///
-/// A number without a fraction is a whole number however it is written: 1, 1.0 or 1e0. A word is a text, an object is an object and an array
-/// has as many items as are wanted.
+/// A number without a fraction is a whole number however it is written: 1, 1.0 or 1e0. A word is a text, an object is
+/// an object and an array has as many items as are wanted.
 #[derive(Clone, Copy)]
 pub(super) struct Reader<'de>(pub(super) &'de Value);
 

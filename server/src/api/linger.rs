@@ -1,8 +1,8 @@
 //! Connections that are closed so that the other end can read what was said last.
 //!
-//! A connection that is closed while something of the other end's is unread, or still on its way, is reset, and a reset takes along what the
-//! other end has not read yet: the reason why it was closed. So a connection is closed in one direction first; what still comes is thrown away,
-//! for a while and up to a limit.
+//! A connection that is closed while something of the other end's is unread, or still on its way, is reset, and a reset
+//! takes along what the other end has not read yet: the reason why it was closed. So a connection is closed in one
+//! direction first; what still comes is thrown away, for a while and up to a limit.
 
 use std::io;
 use std::pin::Pin;
@@ -25,8 +25,8 @@ pub(crate) struct Patience {
 }
 
 impl Patience {
-    /// A thousand times the longest message that is read; and as long as it takes to send a megabyte over a slow link, with pauses as long as
-    /// the slowest round trip that a loop bears.
+    /// A thousand times the longest message that is read; and as long as it takes to send a megabyte over a slow link,
+    /// with pauses as long as the slowest round trip that a loop bears.
     pub(crate) const USUAL: Self = Self {
         pause: Duration::from_secs(2),
         longest: Duration::from_secs(10),
@@ -37,7 +37,8 @@ impl Patience {
 /// Thrown away at once, bytes.
 const PART: usize = 16 * 1024;
 
-/// A connection that lingers once nobody holds it any more. `K` is kept for as long, such as a place among the connections.
+/// A connection that lingers once nobody holds it any more. `K` is kept for as long, such as a place among the
+/// connections.
 pub(crate) struct Lingering<C, K>
 where
     C: AsyncRead + AsyncWrite + Send + Unpin + 'static,
@@ -191,7 +192,8 @@ mod tests {
         let (ours, mut theirs) = duplex(PIPE);
         drop(Lingering::new(ours, Arc::clone(&place), PATIENCE));
         assert_eq!(Arc::strong_count(&place), 2);
-        // The other end says nothing and stays. It sees the end of what is said to it at once, and the end of all after a pause.
+        // The other end says nothing and stays. It sees the end of what is said to it at once, and the end of all after
+        // a pause.
         assert_eq!(theirs.read(&mut [0; 8]).await.unwrap(), 0);
         let began = Instant::now();
         while Arc::strong_count(&place) == 2 {

@@ -52,8 +52,8 @@ fn render(api: &Api) -> String {
     text
 }
 
-/// Quantiles that are known already. The recorder would take them of samples of its own; so these are written by hand. They are of the last
-/// few seconds, of which nobody could add up a sum or a count over time: there is none.
+/// Quantiles that are known already. The recorder would take them of samples of its own; so these are written by hand.
+/// They are of the last few seconds, of which nobody could add up a sum or a count over time: there is none.
 fn write_summaries(sessions: &[Session], text: &mut String) {
     for (name, meaning, quantiles) in SUMMARIES {
         if sessions.is_empty() {

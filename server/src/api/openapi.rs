@@ -94,8 +94,8 @@ pub(crate) fn document(calls: OpenApi, version: &str) -> OpenApi {
     document
 }
 
-/// Says of each object of a choice that it has no other fields. Every one is told apart by a field and refuses the fields of the others; the
-/// schemas that are derived for them say so of plain objects only.
+/// Says of each object of a choice that it has no other fields. Every one is told apart by a field and refuses the
+/// fields of the others; the schemas that are derived for them say so of plain objects only.
 fn close_variants(schema: &mut RefOr<Schema>) {
     let RefOr::T(Schema::OneOf(choice)) = schema else {
         return;

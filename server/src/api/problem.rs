@@ -102,7 +102,8 @@ kinds! {
 /// Longest part of a path that a detail repeats, bytes.
 const MOST_OF_PATH: usize = 200;
 
-/// The path that was asked for, as a detail names it. Of a request that a nested router answers, `asked` is the original.
+/// The path that was asked for, as a detail names it. Of a request that a nested router answers, `asked` is the
+/// original.
 pub(crate) fn path_of(asked: &Uri) -> String {
     let path = asked.path();
     match path.get(..MOST_OF_PATH) {

@@ -1,4 +1,5 @@
-//! The theory on the command line, and the description of the interface: no server, no network, an answer on standard output.
+//! The theory on the command line, and the description of the interface: no server, no network, an answer on standard
+//! output.
 //!
 //! Each command answers as the call of the same name under `/api/v1` does: as a table for people, as CSV for spreadsheets and plots, or as
 //! the very JSON of the call. Progress and errors go to standard error.

@@ -120,7 +120,7 @@ fn whoever_breaks_the_protocol_can_read_that_too() {
     stream.socket().get_mut().write_all(&nonsense).unwrap();
     let words = last_words(stream.socket());
     assert_eq!((words.code, words.problems.len()), (1002, 0), "{words:?}");
-    // A text that is none.
+    // Bytes that are not UTF-8, said to be a text.
     let mut stream = Stream::open(&site, &session);
     let not_text = Frame::message(vec![0xff, 0xfe], OpCode::Data(Data::Text), true);
     stream.socket().send(Message::Frame(not_text)).unwrap();

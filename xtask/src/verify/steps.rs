@@ -238,7 +238,8 @@ fn doctest(_: &Workspace, interrupt: &Interrupt) -> Result<()> {
     )
 }
 
-/// Other people's mathematics about the same loops, robots, plants and experiments; and other people's reading of the interface's schemas.
+/// Other people's mathematics about the same loops, robots, plants and experiments; and other people's reading of the
+/// interface's schemas.
 fn python_step(workspace: &Workspace, interrupt: &Interrupt) -> Result<()> {
     python::install(workspace, interrupt)?;
     // Of the whole workspace, so that nothing is compiled again with other features.

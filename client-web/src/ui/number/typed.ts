@@ -1,4 +1,5 @@
-// A number that a person typed into a field of some unit: read when it has one meaning, and otherwise refused with a reason.
+// A number that a person typed into a field of some unit: read when it has one meaning, and otherwise refused with a
+// reason.
 
 import { isUnit, perUnit } from "./units";
 

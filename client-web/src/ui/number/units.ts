@@ -1,4 +1,5 @@
-// Units that a person may write behind a number, by what they measure. Within one table every unit leads to every other.
+// Units that a person may write behind a number, by what they measure. Within one table every unit leads to every
+// other.
 
 /** SI per unit. */
 type Units = Readonly<Record<string, number>>;

@@ -149,8 +149,8 @@ impl Watcher {
         if let Some(farewell) = end.farewell() {
             let goodbye = async {
                 let sent = socket.send(Message::Close(Some(farewell))).await;
-                // Where frames still begin and end where they should, the answer to the close can be told. The rest is the connection's to
-                // throw away, so that the reason is not lost with it.
+                // Where frames still begin and end where they should, the answer to the close can be told. The rest is
+                // the connection's to throw away, so that the reason is not lost with it.
                 while sent.is_ok()
                     && !end.lost_the_thread()
                     && matches!(socket.recv().await, Some(Ok(_)))
