@@ -29,12 +29,12 @@ const page = [
 const tests = ["src/**/*.test.ts"];
 
 export default tseslint.config(
-  { ignores: ["dist", "browser/out"] },
+  { ignores: ["dist", "browser/out", "generated"] },
   js.configs.recommended,
   ...tseslint.configs.strictTypeChecked,
   ...tseslint.configs.stylisticTypeChecked,
   {
-    languageOptions: { parserOptions: { projectService: { allowDefaultProject: ["eslint.config.js"] } } },
+    languageOptions: { parserOptions: { projectService: { allowDefaultProject: ["eslint.config.js", "scripts/*.mjs"] } } },
     linterOptions: { reportUnusedDisableDirectives: "error" },
     rules: {
       eqeqeq: "error",
@@ -67,5 +67,5 @@ export default tseslint.config(
   border(["src/scene/**"], [uplot, preact, signals, valibot, upwards("state", "plots", "ui")], tests),
   border(["src/plots/**"], [three, preact, signals, valibot, upwards("clay", "scene", "ui")], tests),
   border(["src/ui/**", "src/main.tsx"], [three, uplot, valibot]),
-  { files: ["eslint.config.js"], ...tseslint.configs.disableTypeChecked },
+  { files: ["eslint.config.js", "scripts/*.mjs"], ...tseslint.configs.disableTypeChecked },
 );

@@ -9,6 +9,7 @@ use utoipa::ToSchema;
 use crate::http::ClayShape;
 use crate::scheme::MAX_DEADBAND;
 use crate::validate::{FieldError, Validate, check, check_text};
+use crate::word::words;
 use crate::{Axes, Material, NodeName, Scheme, ToolDescription};
 
 /// Longest name of an operator or of a device, in characters.
@@ -80,28 +81,28 @@ pub struct ClayDescription {
     pub revision: u64,
 }
 
-/// Why a handle may not join.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum RefusalCode {
-    /// The two sides speak different protocols.
-    ProtocolMismatch,
-    /// The request has a field that is not acceptable.
-    BadRequest,
-    /// The server asks for a token and none came.
-    TokenRequired,
-    /// The token is not the server's.
-    TokenRejected,
-    /// Every tool of the session is held.
-    NoFreeTool,
-    /// There is no such session.
-    NoSuchSession,
-    /// The session is in fault.
-    Fault,
-    /// The server is about to stop.
-    ShuttingDown,
-    /// The session's loop does not take the request up now; it may, a moment later.
-    Busy,
+words! {
+    /// Why a handle may not join.
+    pub enum RefusalCode: "refusal" {
+        /// The two sides speak different protocols.
+        ProtocolMismatch "protocol_mismatch",
+        /// The request has a field that is not acceptable.
+        BadRequest "bad_request",
+        /// The server asks for a token and none came.
+        TokenRequired "token_required",
+        /// The token is not the server's.
+        TokenRejected "token_rejected",
+        /// Every tool of the session is held.
+        NoFreeTool "no_free_tool",
+        /// There is no such session.
+        NoSuchSession "no_such_session",
+        /// The session is in fault.
+        Fault "fault",
+        /// The server is about to stop.
+        ShuttingDown "shutting_down",
+        /// The session's loop does not take the request up now; it may, a moment later.
+        Busy "busy",
+    }
 }
 
 /// Gives a lease back.

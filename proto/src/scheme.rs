@@ -14,7 +14,7 @@ pub(crate) const MAX_DEADBAND: f64 = 0.5;
 
 words! {
     /// The law that couples the handle and the tool.
-    #[derive(Default, Serialize, Deserialize, ToSchema)]
+    #[derive(Default, ToSchema)]
     #[serde(rename_all = "snake_case")]
     pub enum Scheme: "scheme" {
         /// Each side integrates its own force and the last one received of the other side, `[KHMH03]` (21)–(22).
@@ -41,7 +41,7 @@ impl Scheme {
 
 /// How many axes move: 2 are x and y, as in `[KHMH03]`, 3 adds z. An axis that does not move stays at its home.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(try_from = "u8", into = "u8")]
+#[serde(try_from = "i64", into = "u8")]
 pub enum Axes {
     /// Two axes.
     #[default]
@@ -66,13 +66,13 @@ impl Axes {
 #[error("{got} axes, wanted 2 or 3")]
 pub struct AxesError {
     /// The number that came.
-    pub got: u8,
+    pub got: i64,
 }
 
-impl TryFrom<u8> for Axes {
+impl TryFrom<i64> for Axes {
     type Error = AxesError;
 
-    fn try_from(count: u8) -> Result<Self, AxesError> {
+    fn try_from(count: i64) -> Result<Self, AxesError> {
         match count {
             2 => Ok(Self::Two),
             3 => Ok(Self::Three),

@@ -1,9 +1,17 @@
 //! The tool's shape, as it is told to handles and watchers.
 
+use std::ops::RangeInclusive;
+
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use crate::validate::{FieldError, Validate, check};
+use crate::word::words;
+
+/// Radius of a ball.
+const RADIUS_M: RangeInclusive<f64> = 1e-4..=0.1;
+/// Side of a blade.
+const SIDE_M: RangeInclusive<f64> = 1e-4..=0.5;
 
 /// The shape of a tool. In JSON `{"kind": "ball", "radius_m": 0.0064}`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
@@ -45,15 +53,15 @@ impl Validate for ToolDescription {
     /// A radius outside of 0.1 mm to 0.1 m; a blade with a side outside of 0.1 mm to 0.5 m.
     fn validate(&self) -> Result<(), FieldError> {
         match *self {
-            Self::Ball { radius_m } => check("/radius_m", radius_m, 1e-4..=0.1),
+            Self::Ball { radius_m } => check("/radius_m", radius_m, RADIUS_M),
             Self::Blade {
                 width_m,
                 height_m,
                 thickness_m,
             } => {
-                check("/width_m", width_m, 1e-4..=0.5)?;
-                check("/height_m", height_m, 1e-4..=0.5)?;
-                check("/thickness_m", thickness_m, 1e-4..=0.5)
+                check("/width_m", width_m, SIDE_M)?;
+                check("/height_m", height_m, SIDE_M)?;
+                check("/thickness_m", thickness_m, SIDE_M)
             }
         }
     }
@@ -64,17 +72,21 @@ impl Validate for ToolDescription {
 #[serde(deny_unknown_fields, expecting = "an object that describes a tool")]
 struct RawTool {
     kind: RawKind,
+    #[serde(default, deserialize_with = "crate::http::present")]
     radius_m: Option<f64>,
+    #[serde(default, deserialize_with = "crate::http::present")]
     width_m: Option<f64>,
+    #[serde(default, deserialize_with = "crate::http::present")]
     height_m: Option<f64>,
+    #[serde(default, deserialize_with = "crate::http::present")]
     thickness_m: Option<f64>,
 }
 
-#[derive(Clone, Copy, Deserialize)]
-#[serde(rename_all = "snake_case")]
-enum RawKind {
-    Ball,
-    Blade,
+words! {
+    enum RawKind: "kind of tool" {
+        Ball "ball",
+        Blade "blade",
+    }
 }
 
 impl TryFrom<RawTool> for ToolDescription {

@@ -1,6 +1,9 @@
 //! Ranges, checked at the one place where numbers come in.
 
+use std::fmt::{self, Display};
 use std::ops::RangeInclusive;
+
+use serde::de::{self, Deserializer, Unexpected, Visitor};
 
 /// A field that does not hold what it should.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -72,6 +75,45 @@ pub(crate) fn check(
             readable(most)
         ),
     ))
+}
+
+/// Reads a whole number within `range`.
+pub(crate) fn whole_within<'de, D, T>(
+    deserializer: D,
+    range: RangeInclusive<T>,
+) -> Result<T, D::Error>
+where
+    D: Deserializer<'de>,
+    T: Copy + Display + PartialOrd + TryFrom<u64>,
+{
+    deserializer.deserialize_u64(WholeWithin { range })
+}
+
+struct WholeWithin<T> {
+    range: RangeInclusive<T>,
+}
+
+impl<T> Visitor<'_> for WholeWithin<T>
+where
+    T: Copy + Display + PartialOrd + TryFrom<u64>,
+{
+    type Value = T;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "a whole number from {} to {}",
+            self.range.start(),
+            self.range.end()
+        )
+    }
+
+    fn visit_u64<E: de::Error>(self, value: u64) -> Result<T, E> {
+        T::try_from(value)
+            .ok()
+            .filter(|value| self.range.contains(value))
+            .ok_or_else(|| E::invalid_value(Unexpected::Unsigned(value), &self))
+    }
 }
 
 /// A number as a person writes it: in powers of ten where it would be all zeros otherwise.

@@ -199,7 +199,7 @@ fn fields_at_fault_are_named() {
         "/tool/radius_m"
     );
     assert_eq!(
-        at(json!({"id": "a", "tool": {"kind": "ball", "radius_m": 0.01, "width_m": 1}})),
+        at(json!({"id": "a", "tool": {"kind": "ball", "radius_m": 0.01, "width_m": 0.1}})),
         "/tool"
     );
     let stepped = |edges: Value, depths: Value| json!({"id": "a", "clay": {"shape": {"kind": "stepped", "edges_m": edges, "depths_of_cut_m": depths}}});

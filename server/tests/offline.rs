@@ -217,3 +217,13 @@ fn a_reader_that_leaves_is_no_error() {
     let told = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(output.status.success(), "{told}");
 }
+
+/// What the dashboard takes its types from, without a server to ask.
+#[test]
+fn the_description_of_the_interface_is_printed() {
+    let printed = json(&["openapi"]);
+    let version = env!("CARGO_PKG_VERSION");
+    let served = teleclay_server::api::description(version);
+    assert_eq!(printed, serde_json::to_value(served).unwrap());
+    assert_eq!(printed["info"]["version"], version);
+}

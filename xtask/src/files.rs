@@ -6,7 +6,14 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result};
 
 /// Folders that hold nothing of ours, or nothing that a clone has.
-pub(crate) const NOT_OURS: [&str; 5] = [".git", "target", "node_modules", "dist", ".venv"];
+pub(crate) const NOT_OURS: [&str; 6] = [
+    ".git",
+    "target",
+    "node_modules",
+    "dist",
+    "generated",
+    ".venv",
+];
 
 /// Every file below `root` with one of these extensions, or every file when none is named, sorted.
 pub(crate) fn files_of_ours(root: &Path, extensions: &[&str]) -> Result<Vec<PathBuf>> {

@@ -9,6 +9,7 @@ mod dashboard;
 mod demo;
 mod files;
 mod process;
+mod promtool;
 mod python;
 mod release;
 mod tools;

@@ -2,59 +2,73 @@
 // over, so that a newer server can add some.
 
 import * as v from "valibot";
+import type { Check, Schemas } from "./api";
 
-const vector = v.tuple([v.number(), v.number(), v.number()]);
+export type Vector = Schemas["Vector"];
+export type Scheme = Schemas["Scheme"];
+export type ClayShape = Schemas["ClayShape"];
+export type ToolShape = Schemas["ToolDescription"];
+export type ToolState = Schemas["ToolState"];
+export type Problem = Schemas["Problem"];
+export type NewSession = Schemas["NewSession"];
+export type SessionPatch = Schemas["SessionPatch"];
+export type ClayReset = Schemas["ClayReset"];
 
-export const SCHEMES = ["force_exchange", "position_force", "wave", "tdpa", "replica"] as const;
-const scheme = v.picklist(SCHEMES);
+// What may be left out of a request, for it has a default, is there in an answer.
+export type Material = Required<Schemas["Material"]>;
+export type Impairment = Required<Omit<Schemas["Impairment"], "burst" | "outage">> & Pick<Schemas["Impairment"], "burst" | "outage">;
+export type Session = Omit<Schemas["Session"], "material" | "network"> & {
+  readonly material: Material;
+  readonly network: { readonly up: Impairment; readonly down: Impairment };
+};
+
+const vector = v.tuple([v.number(), v.number(), v.number()]) satisfies Check<"Vector">;
+
+export const SCHEMES = ["force_exchange", "position_force", "wave", "tdpa", "replica"] as const satisfies readonly Scheme[];
+const scheme = v.picklist(SCHEMES) satisfies Check<"Scheme">;
 
 const material = v.object({
   viscosity_pa_s_per_m: v.number(),
   yield_stress_pa: v.number(),
   stiffness_pa: v.number(),
-});
+}) satisfies v.GenericSchema<unknown, Material>;
 
-const burst = v.object({ enter: v.number(), leave: v.number(), loss_in_burst: v.number() });
-const outage = v.object({ every_s: v.number(), length_s: v.number() });
+const burst = v.object({ enter: v.number(), leave: v.number(), loss_in_burst: v.number() }) satisfies Check<"Burst">;
+const outage = v.object({ every_s: v.number(), length_s: v.number() }) satisfies Check<"Outage">;
 
 const impairment = v.object({
   delay_s: v.number(),
   jitter_s: v.number(),
   loss: v.number(),
   seed: v.number(),
-  jitter_distribution: v.optional(v.picklist(["normal", "heavy_tailed"])),
-  duplicate: v.optional(v.number()),
-  reorder: v.optional(v.number()),
-  burst: v.optional(burst),
-  outage: v.optional(outage),
-});
+  jitter_distribution: v.picklist(["normal", "heavy_tailed"]),
+  duplicate: v.number(),
+  reorder: v.number(),
+  burst: v.exactOptional(burst),
+  outage: v.exactOptional(outage),
+}) satisfies v.GenericSchema<unknown, Impairment>;
 
 const network = v.object({ up: impairment, down: impairment });
 
-/** `null` ends bursts or outages; left out, they stay. */
-const impairmentPatch = v.partial(v.object({
-  ...impairment.entries,
-  burst: v.nullable(burst),
-  outage: v.nullable(outage),
-}));
-
 const clayShape = v.variant("kind", [
-  v.object({ kind: v.literal("block"), size_m: v.optional(vector) }),
+  v.object({ kind: v.literal("block"), size_m: v.exactOptional(vector) }),
   v.object({
     kind: v.literal("stepped"),
-    edges_m: v.optional(v.array(v.number())),
-    depths_of_cut_m: v.optional(v.array(v.number())),
-    base_m: v.optional(v.number()),
-    width_m: v.optional(v.number()),
+    edges_m: v.exactOptional(v.array(v.number())),
+    depths_of_cut_m: v.exactOptional(v.array(v.number())),
+    base_m: v.exactOptional(v.number()),
+    width_m: v.exactOptional(v.number()),
   }),
-]);
+]) satisfies Check<"ClayShape">;
 
 const toolShape = v.variant("kind", [
   v.object({ kind: v.literal("ball"), radius_m: v.number() }),
   v.object({ kind: v.literal("blade"), width_m: v.number(), height_m: v.number(), thickness_m: v.number() }),
-]);
+]) satisfies Check<"ToolDescription">;
 
 const quantiles = v.object({ p50: v.number(), p99: v.number() });
+
+export const REFUSALS = ["none", "out_of_reach", "too_fast", "wrong_owner", "wrong_epoch", "paused", "fault"] as const satisfies readonly Schemas["SweepRefusal"][];
 
 const toolState = v.object({
   id: v.number(),
@@ -69,6 +83,7 @@ const toolState = v.object({
   copy: v.picklist(["none", "live", "stale", "diverged"]),
   hidden_force_n: vector,
   sweeps_refused: v.number(),
+  refusal: v.picklist(REFUSALS),
   corrections: v.object({
     count: v.number(),
     moved_n: v.number(),
@@ -77,10 +92,11 @@ const toolState = v.object({
     injected_j: v.number(),
     tank_j: v.number(),
   }),
-});
+}) satisfies Check<"ToolState">;
 
-export const sessionSchema = v.object({
+export const sessionSchema: v.GenericSchema<unknown, Session> = v.object({
   id: v.string(),
+  revision: v.number(),
   scheme,
   axes: v.picklist([2, 3]),
   state: v.picklist(["idle", "running", "paused", "fault"]),
@@ -123,41 +139,35 @@ export const sessionSchema = v.object({
 });
 
 /** RFC 9457 problem details. */
-export const problemSchema = v.object({
+export const problemSchema: Check<"Problem"> = v.object({
   type: v.string(),
   title: v.string(),
   status: v.number(),
   detail: v.string(),
-  pointer: v.optional(v.string()),
+  pointer: v.exactOptional(v.string()),
 });
 
+/** Every field may be left out. */
+function partial<E extends v.ObjectEntries>(entries: E): v.ObjectSchema<{ [K in keyof E]: v.ExactOptionalSchema<E[K], undefined> }, undefined> {
+  const optional = Object.fromEntries(Object.entries(entries).map(([name, entry]) => [name, v.exactOptional(entry)]));
+  return v.object(optional as { [K in keyof E]: v.ExactOptionalSchema<E[K], undefined> });
+}
+
+const impairmentPatch = partial({
+  ...impairment.entries,
+  // `null` ends them.
+  burst: v.nullable(partial(burst.entries)),
+  outage: v.nullable(partial(outage.entries)),
+}) satisfies Check<"ImpairmentPatch">;
+
 /** Changes of a session; what is left out keeps its value. */
-export const patchSchema = v.object({
-  scheme: v.optional(scheme),
-  material: v.optional(v.partial(material)),
-  network: v.optional(v.partial(v.object({ up: impairmentPatch, down: impairmentPatch }))),
-  deadband: v.optional(v.number()),
-  paused: v.optional(v.boolean()),
+export const patchSchema: Check<"SessionPatch"> = partial({
+  scheme,
+  material: partial(material.entries),
+  network: partial({ up: impairmentPatch, down: impairmentPatch }),
+  deadband: v.number(),
+  paused: v.boolean(),
 });
 
 /** Asks for a fresh block; what is left out is as it was. */
-export const clayResetSchema = v.object({ shape: v.optional(clayShape), material: v.optional(material) });
-
-export type Scheme = v.InferOutput<typeof scheme>;
-export type Material = v.InferOutput<typeof material>;
-export type Impairment = v.InferOutput<typeof impairment>;
-export type ClayShape = v.InferOutput<typeof clayShape>;
-export type ToolShape = v.InferOutput<typeof toolShape>;
-export type ToolState = v.InferOutput<typeof toolState>;
-export type Session = v.InferOutput<typeof sessionSchema>;
-export type Problem = v.InferOutput<typeof problemSchema>;
-export type SessionPatch = v.InferOutput<typeof patchSchema>;
-export type ClayReset = v.InferOutput<typeof clayResetSchema>;
-
-/** What a session is made of, as far as this page makes any. */
-export interface NewSession {
-  readonly id: string;
-  readonly tool?: ToolShape;
-  readonly clay?: { readonly shape: ClayShape };
-}
-export type Vector = readonly [number, number, number];
+export const clayResetSchema: Check<"ClayReset"> = partial({ shape: clayShape, material });

@@ -1,6 +1,7 @@
 // The text messages of the WebSocket, and JSON answers of HTTP: from text to a checked type, and back.
 
 import * as v from "valibot";
+import type { Check, Schemas } from "./api";
 import { DecodeError } from "./header";
 import { type LatencyTable, latencyTableSchema } from "./latency";
 import * as theory from "./theory";
@@ -10,7 +11,11 @@ import type { Problem, Session } from "./session";
 /** What the server speaks; asked for when the socket is opened. */
 export const SUBPROTOCOL = "teleclay.v1";
 
-const serverText = v.variant("type", [
+export type ServerText = Exclude<Schemas["ServerText"], { type: "state" }> | { readonly type: "state"; readonly session: Session };
+export type ClientText = Schemas["ClientText"];
+export type ServerEvent = Extract<ServerText, { type: "event" }>;
+
+const serverText: v.GenericSchema<unknown, ServerText> = v.variant("type", [
   v.object({ type: v.literal("hello"), protocol: v.number(), session: v.string(), server_version: v.string() }),
   v.object({ type: v.literal("state"), session: sessionSchema }),
   v.object({ type: v.literal("event"), level: v.picklist(["info", "warning", "error"]), text: v.string(), time_s: v.number() }),
@@ -20,16 +25,12 @@ const serverText = v.variant("type", [
 
 const onOff = v.picklist(["on", "off"]);
 
-const clientText = v.variant("type", [
+const clientText: Check<"ClientText"> = v.variant("type", [
   v.object({ type: v.literal("subscribe"), telemetry: onOff, bricks: onOff }),
   v.object({ type: v.literal("patch"), session: patchSchema }),
   v.object({ type: v.literal("reset"), clay: clayResetSchema }),
   v.object({ type: v.literal("ping"), nonce: v.number() }),
 ]);
-
-export type ServerText = v.InferOutput<typeof serverText>;
-export type ClientText = v.InferOutput<typeof clientText>;
-export type ServerEvent = Extract<ServerText, { type: "event" }>;
 
 export const decodeServerText = (text: string): ServerText => decode(serverText, text);
 export const decodeClientText = (text: string): ClientText => decode(clientText, text);

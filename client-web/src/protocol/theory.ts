@@ -2,36 +2,41 @@
 // [re, im]; what has no finite value is null.
 
 import * as v from "valibot";
+import type { Check, Schemas } from "./api";
+
+export type TransferFunction = Schemas["TransferFunction"];
+export type LoopRequest = Schemas["LoopRequest"];
+export type LoopAnswer = Schemas["LoopAnswer"];
+export type DelayVerdict = Schemas["DelayVerdict"];
+export type CuttingRequest = Schemas["CuttingRequest"];
+export type CuttingAnswer = Schemas["CuttingAnswer"];
+export type HandForceAt = Schemas["HandForceAt"];
+/** As an answer has it, and as this page asks: with every dimension. */
+export type RobotGeometry = Schemas["RobotGeometry"];
+export type InverseRequest = Required<Schemas["InverseRequest"]>;
+export type InverseAnswer = Schemas["InverseAnswer"];
+export type JacobianRequest = Required<Schemas["JacobianRequest"]>;
+export type JacobianAnswer = Schemas["JacobianAnswer"];
+export type WorkspaceRequest = Schemas["WorkspaceRequest"];
+export type WorkspaceAnswer = Schemas["WorkspaceAnswer"];
+export type Triple = Schemas["Vector"];
+/** `K_j`: which of the two ways each arm bends. */
+export type Branch = Schemas["Branch"];
+export type Sign = Branch[number];
 
 const numbers = v.array(v.number());
 const numbersOrNull = v.array(v.nullable(v.number()));
-const triple = v.tuple([v.number(), v.number(), v.number()]);
+const triple = v.tuple([v.number(), v.number(), v.number()]) satisfies Check<"Vector">;
 const sign = v.picklist([1, -1]);
-const branch = v.tuple([sign, sign, sign]);
-const pair = v.tuple([v.number(), v.number()]);
+const branch = v.tuple([sign, sign, sign]) satisfies Check<"Branch">;
+const pair = v.tuple([v.number(), v.number()]) satisfies Check<"Pair">;
 
-/** Coefficients, highest power first. */
-export interface TransferFunction {
-  readonly numerator: readonly number[];
-  readonly denominator: readonly number[];
-}
-
-export interface LoopRequest {
-  readonly g_h: TransferFunction;
-  readonly t_h: readonly number[];
-  readonly c_h1: TransferFunction;
-  readonly g_t: TransferFunction;
-  readonly position_ratio: number;
-  readonly force_ratio: number;
-  readonly clay_damping_n_s_per_m: number;
-  readonly clay_stiffness_n_per_m: number;
-  readonly omegas_rad_s?: readonly number[];
-}
-
-const delayVerdict = v.picklist(["unbounded", "finite", "unstable_without_delay", "unstable_admittance"]);
+const delayVerdict = v.picklist(["unbounded", "finite", "unstable_without_delay", "unstable_admittance"]) satisfies Check<"DelayVerdict">;
 const gainMargin = v.nullable(v.object({ factor: v.number(), omega_rad_s: v.nullable(v.number()) }));
+const compensator = v.nullable(pair);
 
-export const loopAnswerSchema = v.object({
+export const loopAnswerSchema: Check<"LoopAnswer"> = v.object({
+  compensators: v.array(v.object({ omega_rad_s: v.number(), c_h1: compensator, c_t1: compensator, c_h2: compensator, c_t2: compensator })),
   improper_compensators: v.array(v.picklist(["c_h1", "c_t1", "c_h2", "c_t2"])),
   closed_loop_poles: v.array(pair),
   stable_without_delay: v.boolean(),
@@ -50,20 +55,7 @@ export const loopAnswerSchema = v.object({
   bode: v.object({ omega_rad_s: numbers, magnitude_db: numbersOrNull, phase_rad: numbersOrNull }),
 });
 
-export interface CuttingRequest {
-  readonly virtual_mass_kg: number;
-  readonly virtual_damping_n_s_per_m: number;
-  readonly position_ratio: number;
-  readonly force_ratio: number;
-  readonly hand_force_n: number;
-  readonly edges_m: readonly number[];
-  readonly clay_damping_n_s_per_m: readonly number[];
-  readonly hand_force_at?: HandForceAt;
-  readonly trace_samples?: number;
-}
-export type HandForceAt = "sensor" | "muscles";
-
-export const cuttingAnswerSchema = v.object({
+export const cuttingAnswerSchema: Check<"CuttingAnswer"> = v.object({
   plateau_velocity_m_s: numbers,
   simulated_velocity_m_s: numbers,
   ripple: numbers,
@@ -86,30 +78,10 @@ export const cuttingAnswerSchema = v.object({
   }),
 });
 
-export interface RobotGeometry {
-  readonly base_radius_m: number;
-  readonly platform_radius_m: number;
-  readonly upper_link_m: number;
-  readonly lower_link_m: number;
-  readonly arm_angles_deg: Triple;
-}
-export type Triple = readonly [number, number, number];
-export type Sign = 1 | -1;
-/** `K_j`: which of the two ways each arm bends. */
-export type Branch = readonly [Sign, Sign, Sign];
+const one = v.object({ branch, joints_rad: triple });
+export const inverseAnswerSchema: Check<"InverseAnswer"> = v.object({ branches: v.tuple([one, one, one, one, one, one, one, one]) });
 
-export interface InverseRequest {
-  readonly geometry: RobotGeometry;
-  readonly position_m: Triple;
-}
-
-export const inverseAnswerSchema = v.object({ branches: v.array(v.object({ branch, joints_rad: triple })) });
-
-export interface JacobianRequest extends InverseRequest {
-  readonly branch: Branch;
-}
-
-export const jacobianAnswerSchema = v.object({
+export const jacobianAnswerSchema: Check<"JacobianAnswer"> = v.object({
   jacobian: v.tuple([triple, triple, triple]),
   condition_number: v.number(),
   joints_rad: triple,
@@ -118,13 +90,7 @@ export const jacobianAnswerSchema = v.object({
   parallel_measure: v.number(),
 });
 
-export interface WorkspaceRequest {
-  readonly geometry: RobotGeometry;
-  readonly branch: Branch;
-  readonly cells: readonly [number, number, number];
-}
-
-export const workspaceAnswerSchema = v.object({
+export const workspaceAnswerSchema: Check<"WorkspaceAnswer"> = v.object({
   region_m: v.tuple([triple, triple]),
   cells: triple,
   branch,
@@ -133,10 +99,3 @@ export const workspaceAnswerSchema = v.object({
   reachable_volume_m3: v.number(),
   mean_dexterity: v.nullable(v.number()),
 });
-
-export type DelayVerdict = v.InferOutput<typeof delayVerdict>;
-export type LoopAnswer = v.InferOutput<typeof loopAnswerSchema>;
-export type CuttingAnswer = v.InferOutput<typeof cuttingAnswerSchema>;
-export type InverseAnswer = v.InferOutput<typeof inverseAnswerSchema>;
-export type JacobianAnswer = v.InferOutput<typeof jacobianAnswerSchema>;
-export type WorkspaceAnswer = v.InferOutput<typeof workspaceAnswerSchema>;

@@ -8,6 +8,7 @@ import { Finish } from "./finish";
 import { LineGround, type StageColours } from "./ground";
 import { contextOf, processorDraws } from "./quality";
 import { RobotModel, type RobotColours } from "./robot_model";
+import { lookFrom, type Sight, sightOf } from "./sight";
 import { Trail } from "./trail";
 import { type Ramp, type Workspace, WorkspaceModel } from "./workspace_model";
 
@@ -43,11 +44,12 @@ export class RobotView {
   readonly #finish: Finish | undefined;
   #rest_until_ms = Number.NEGATIVE_INFINITY;
   #changed = true;
+  #turned = false;
   /** What the canvas is to get with the next picture. */
   #size: { readonly width: number; readonly height: number; readonly pixels: number } | undefined;
 
-  /** Throws when the browser has no WebGL 2. */
-  constructor(canvas: HTMLCanvasElement) {
+  /** `sight` is that of a view before. Throws when the browser has no WebGL 2. */
+  constructor(canvas: HTMLCanvasElement, sight?: Sight) {
     const { context } = contextOf(canvas, undefined);
     this.#renderer = new THREE.WebGLRenderer({ canvas, context });
     this.#finish = processorDraws() ? new Finish(context, this.#onFinish) : undefined;
@@ -62,7 +64,17 @@ export class RobotView {
     this.#orbit.maxDistance = 3000;
     this.#orbit.listenToKeyEvents(canvas);
     this.#orbit.addEventListener("change", this.#onMove);
+    this.#orbit.addEventListener("start", this.#onGrab);
     this.reset(0.3);
+    if (sight !== undefined) {
+      this.#turned = true;
+      lookFrom(sight, this.#camera, this.#orbit);
+    }
+  }
+
+  /** Nothing while nobody has turned the view. */
+  get sight(): Sight | undefined {
+    return this.#turned ? sightOf(this.#camera, this.#orbit) : undefined;
   }
 
   /** Looks at a robot of about this reach from its corner. */
@@ -72,6 +84,7 @@ export class RobotView {
     this.#orbit.target.copy(target);
     this.#camera.position.copy(FROM).multiplyScalar((760 * reach_m) / Math.tan(half) / Math.min(1, this.#camera.aspect)).add(target);
     this.#orbit.update();
+    this.#turned = false;
     this.#changed = true;
   }
 
@@ -138,6 +151,11 @@ export class RobotView {
 
   readonly #onMove = (): void => {
     this.#changed = true;
+  };
+
+  /** Once somebody has turned the view, it is theirs: it no longer follows the window's size. */
+  readonly #onGrab = (): void => {
+    this.#turned = true;
   };
 
   readonly #onFinish = (duration_ms: number): void => {

@@ -11,6 +11,7 @@ import type { StageColours } from "./ground";
 import { OtherTools } from "./other_tools";
 import { COARSEST, DISPLAY, Pace, PROCESSOR } from "./pace";
 import { contextOf, processorDraws, type Quality } from "./quality";
+import { lookFrom, type Sight, sightOf } from "./sight";
 import { Stage } from "./stage";
 import { SHAFT_MM, ToolModel, type ToolSize } from "./tool_model";
 import { Trail } from "./trail";
@@ -78,12 +79,14 @@ export class ClayView {
   #shadows_ms = Number.NEGATIVE_INFINITY;
   #rest_until_ms = Number.NEGATIVE_INFINITY;
   #look: Look | undefined = "corner";
+  /** From where somebody looked before this view was made; until the block is there. */
+  #sight: Sight | undefined;
   #posed: readonly number[] = [Number.NaN];
   #trailed: readonly number[] = [];
   #placed: readonly number[] = [];
 
-  /** `wanted` fixes the quality, whatever the machine makes of it. Throws when the browser has no WebGL 2. */
-  constructor(canvas: HTMLCanvasElement, wanted: Quality | undefined) {
+  /** `wanted` fixes the quality, whatever the machine makes of it; `sight` is that of a view before. Throws when the browser has no WebGL 2. */
+  constructor(canvas: HTMLCanvasElement, wanted: Quality | undefined, sight?: Sight) {
     const { context, quality } = contextOf(canvas, wanted);
     this.#quality = quality;
     this.#renderer = new THREE.WebGLRenderer({ canvas, context });
@@ -110,6 +113,13 @@ export class ClayView {
     this.#scene.add(this.#stage.group, this.#clay.mesh, this.#tool.group, this.#others.group, this.#trail.line);
     this.#scene.add(this.#toolForce.group, this.#feltForce.group);
     this.look("corner");
+    this.#sight = sight;
+    this.#lookAgain();
+  }
+
+  /** Nothing while nobody has turned the view. */
+  get sight(): Sight | undefined {
+    return this.#look === undefined ? sightOf(this.#camera, this.#orbit) : undefined;
   }
 
   get triangles(): number {
@@ -133,6 +143,7 @@ export class ClayView {
       this.#size = size;
       this.#stage.fit(size);
       this.look(this.#look ?? "corner");
+      this.#lookAgain();
     }
     this.#touch();
   }
@@ -271,7 +282,14 @@ export class ClayView {
   /** Once somebody has turned the view, it is theirs: it no longer follows the window's size. */
   readonly #onGrab = (): void => {
     this.#look = undefined;
+    this.#sight = undefined;
   };
+
+  #lookAgain(): void {
+    if (this.#sight === undefined) return;
+    this.#look = undefined;
+    lookFrom(this.#sight, this.#camera, this.#orbit);
+  }
 
   /** Something that casts a shadow has moved. */
   #touch(): void {

@@ -22,6 +22,8 @@ export class WorkspaceModel {
   #texture: THREE.DataTexture | undefined;
   #workspace: Workspace | undefined;
   #layer: number | undefined;
+  /** Height of the slice. */
+  #z_m = 0;
   #ramp: readonly THREE.Color[] = [new THREE.Color(0.5, 0.5, 0.5)];
 
   constructor() {
@@ -53,6 +55,7 @@ export class WorkspaceModel {
 
   /** Moves the slice to the layer of cells at a height. */
   slideTo(z_m: number): void {
+    this.#z_m = z_m;
     const workspace = this.#workspace;
     if (workspace === undefined) return;
     const { low_m, high_m, cells: [, , nz] } = workspace;
@@ -89,6 +92,8 @@ export class WorkspaceModel {
     const { low_m, high_m } = workspace;
     this.#slice.scale.set(1000 * (high_m[0] - low_m[0]), 1000 * (high_m[1] - low_m[1]), 1);
     this.#slice.position.set(500 * (high_m[0] + low_m[0]), 500 * (high_m[1] + low_m[1]), this.#slice.position.z);
+    // The platform may rest where it is for long.
+    this.slideTo(this.#z_m);
   }
 
   #paint({ cells: [nx, ny], dexterity }: Workspace, layer: number): void {

@@ -2,15 +2,15 @@
 
 import { signal, type ReadonlySignal } from "@preact/signals-core";
 import { decodeSessions, encodeText, SUBPROTOCOL } from "../protocol/text";
-import type { Platform, Socket } from "./platform";
+import type { Platform, Socket, SocketEnd } from "./platform";
 
 export const API = "api/v1";
 
 export type Phase =
   | { readonly name: "connecting" }
   | { readonly name: "open"; readonly session: string }
-  /** Nobody answers; `attempts` have failed in a row. */
-  | { readonly name: "away"; readonly attempts: number; readonly retryAt_ms: number }
+  /** Nobody answers; `attempts` have failed in a row. `because` is what the server said when it closed the stream, if it said anything. */
+  | { readonly name: "away"; readonly attempts: number; readonly retryAt_ms: number; readonly because: string | undefined }
   /** The server answers, and has no session to show. */
   | { readonly name: "empty" };
 
@@ -134,8 +134,8 @@ export class Connection {
         this.#hear();
         this.#handlers.onBinary(bytes);
       },
-      onClose: () => {
-        if (current()) this.#pause();
+      onClose: (end) => {
+        if (current()) this.#pause(saidOf(end));
       },
     });
     this.#watch();
@@ -162,7 +162,7 @@ export class Connection {
     });
   }
 
-  #pause(): void {
+  #pause(because?: string): void {
     this.#abandon();
     const longest = Math.min(FIRST_PAUSE_MS * 2 ** this.#attempts, LONGEST_PAUSE_MS);
     const pause_ms = longest * (0.5 + this.#platform.random() / 2);
@@ -171,6 +171,7 @@ export class Connection {
       name: "away",
       attempts: this.#attempts,
       retryAt_ms: this.#platform.now_ms() + pause_ms,
+      because,
     };
     this.#cancel = this.#platform.after(pause_ms, () => void this.#attempt());
   }
@@ -185,4 +186,9 @@ export class Connection {
     this.#ping_ms.value = undefined;
     if (this.#phase.value.name === "open") this.#phase.value = { name: "connecting" };
   }
+}
+
+/** Why the server closed; nothing when the connection just broke. */
+function saidOf({ code, reason }: SocketEnd): string | undefined {
+  return reason === "" ? undefined : `${reason} (code ${code})`;
 }

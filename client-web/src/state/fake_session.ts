@@ -1,11 +1,12 @@
 // A session as a server would tell it, for tests.
 
-import type { Session } from "../protocol/session";
+import type { Impairment, Session } from "../protocol/session";
 
 export function fakeSession(change: Partial<Session> = {}): Session {
-  const impairment = { delay_s: 0, jitter_s: 0, loss: 0, seed: 1 };
+  const impairment: Impairment = { delay_s: 0, jitter_s: 0, loss: 0, seed: 1, jitter_distribution: "normal", duplicate: 0, reorder: 0 };
   return {
     id: "demo",
+    revision: 0,
     scheme: "replica",
     axes: 2,
     state: "running",
@@ -21,7 +22,7 @@ export function fakeSession(change: Partial<Session> = {}): Session {
     deadband: 0,
     tools: [{
       id: 1, operator: "Ada", connected: true, position_m: [0, 0, 0], force_n: [0, 0, 0], handle_position_m: [0, 0, 0],
-      felt_force_n: [0, 0, 0], hand_force_n: [0, 0, 0], home_m: [0, 0, 0], copy: "none", hidden_force_n: [0, 0, 0], sweeps_refused: 0,
+      felt_force_n: [0, 0, 0], hand_force_n: [0, 0, 0], home_m: [0, 0, 0], copy: "none", hidden_force_n: [0, 0, 0], sweeps_refused: 0, refusal: "none",
       corrections: { count: 0, moved_n: 0, held_n: [0, 0, 0], largest_step_n: 0, injected_j: 0, tank_j: 0 },
     }],
     position_ratio: 1,

@@ -9,6 +9,8 @@ import { Live } from "./live";
 
 const json = (value: unknown, status = 200): { status: number; body: string } => ({ status, body: JSON.stringify(value) });
 
+const BROKEN = { code: 1006, reason: "" };
+
 describe("the connection", () => {
   it("opens the stream of the session asked for, and subscribes", async () => {
     const { platform, live } = await connected([fakeSession({ id: "one" }), fakeSession({ id: "two" })], "two");
@@ -37,15 +39,24 @@ describe("the connection", () => {
   it("is away as soon as the socket closes, and ignores what an old socket still says", async () => {
     const { platform, live } = await connected([fakeSession()]);
     const old = platform.lastSocket;
-    old.events.onClose();
+    old.events.onClose(BROKEN);
     expect(live.isCurrent.value).toBe(false);
     old.events.onText(state(fakeSession({ scheme: "wave" })));
     expect(live.session.value?.scheme).not.toBe("wave");
     await platform.pass(1000);
     expect(platform.lastSocket).not.toBe(old);
     platform.lastSocket.events.onOpen();
-    old.events.onClose();
+    old.events.onClose(BROKEN);
     expect(live.isCurrent.value).toBe(true);
+  });
+
+  it("says why the server closed the stream, until it is away for another reason", async () => {
+    const { platform, live } = await connected([fakeSession()]);
+    platform.lastSocket.events.onClose({ code: 1009, reason: "messages have at most 16384 bytes" });
+    expect(live.connection.phase.value).toMatchObject({ name: "away", because: "messages have at most 16384 bytes (code 1009)" });
+    await platform.pass(1000);
+    platform.lastSocket.events.onClose(BROKEN);
+    expect(live.connection.phase.value).toMatchObject({ name: "away", because: undefined });
   });
 
   it("gives up a socket that stays open in silence, and keeps one that answers pings", async () => {

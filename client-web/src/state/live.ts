@@ -35,7 +35,7 @@ export class Live {
   readonly #quality = signal<Quality>({ loss: undefined, latePerS: 0 });
   readonly #notices = signal<readonly Notice[]>([]);
   readonly #serverVersion = signal<string | undefined>(undefined);
-  readonly #toolId = signal(1);
+  readonly #toolId = signal<number | undefined>(undefined);
   readonly #histories = new Map<number, History>();
   readonly #playhead = new Playhead();
   #trend = new QualityTrend();
@@ -43,9 +43,11 @@ export class Live {
   /** Bytes of stream received, for the rate a watcher costs. */
   received_bytes = 0;
 
-  /** The tool on show, as the last state message had it. */
-  readonly tool: ReadonlySignal<ToolState | undefined> = computed(() =>
-    this.#session.value?.tools.find(({ id }) => id === this.#toolId.value) ?? this.#session.value?.tools.at(0));
+  /** The tool on show, as the last state message had it: the chosen one, else the first that somebody holds. */
+  readonly tool: ReadonlySignal<ToolState | undefined> = computed(() => {
+    const tools = this.#session.value?.tools;
+    return tools?.find(({ id }) => id === this.#toolId.value) ?? tools?.find(({ connected }) => connected) ?? tools?.at(0);
+  });
 
   /** Whether what is shown is current. */
   readonly isCurrent: ReadonlySignal<boolean> = computed(() => this.connection.phase.value.name === "open");
@@ -77,7 +79,7 @@ export class Live {
 
   /** Telemetry of the tool on show. */
   get history(): History {
-    return this.historyOf(this.tool.peek()?.id ?? this.#toolId.peek());
+    return this.historyOf(this.tool.peek()?.id ?? this.#toolId.peek() ?? 1);
   }
 
   /** The moment to show at `now_ms`, in the session's time, s. */

@@ -6,7 +6,13 @@ export interface SocketEvents {
   onText(text: string): void;
   onBinary(bytes: ArrayBuffer): void;
   /** Once, whether the socket was ever open or not. */
-  onClose(): void;
+  onClose(end: SocketEnd): void;
+}
+
+/** How a socket ended: RFC 6455's code, and what the other end said of it. */
+export interface SocketEnd {
+  readonly code: number;
+  readonly reason: string;
 }
 
 export interface Socket {

@@ -107,7 +107,10 @@ function Banner(): JSX.Element | null {
     return (
       <div class="banner away" role="alert" data-testid="banner">
         <i class="spinner" aria-hidden="true" />
-        <span>Server away, trying again{phase.attempts < 2 ? "" : ` (attempt ${phase.attempts})`}</span>
+        <span>
+          {phase.because === undefined ? "Server away, trying again" : `The server closed the stream: ${phase.because}. Trying again`}
+          {phase.attempts < 2 ? "" : ` (attempt ${phase.attempts})`}
+        </span>
         <button type="button" onClick={() => live.connection.retryNow()}>Try now</button>
       </div>
     );

@@ -22,7 +22,7 @@ function connect(path: string, subprotocol: string, events: SocketEvents): Socke
   const socket = new WebSocket(url, subprotocol);
   socket.binaryType = "arraybuffer";
   socket.onopen = () => events.onOpen();
-  socket.onclose = () => events.onClose();
+  socket.onclose = ({ code, reason }) => events.onClose({ code, reason });
   socket.onmessage = ({ data }: MessageEvent<string | ArrayBuffer>) => {
     if (typeof data === "string") events.onText(data);
     else events.onBinary(data);

@@ -31,14 +31,6 @@ export function count(value: number): string {
   return Math.round(value).toLocaleString("en").replaceAll(",", " ");
 }
 
-/** A number that a person typed; nothing when it is none. Accepts a comma for the point and 2e5. */
-export function parseNumber(text: string): number | undefined {
-  const trimmed = text.trim().replace("−", "-").replace(",", ".");
-  if (!/^[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?$/i.test(trimmed)) return undefined;
-  const value = Number(trimmed);
-  return Number.isFinite(value) ? value : undefined;
-}
-
 /** A setting as it stands in its field: no more digits than it has. */
 export function plain(value: number): string {
   if (value !== 0 && (Math.abs(value) < 1e-3 || 1e6 <= Math.abs(value))) {

@@ -4,6 +4,7 @@ import { useComputed } from "@preact/signals";
 import type { JSX } from "preact";
 import type { Session } from "../protocol/session";
 import type { NumberPointer } from "../state/edits";
+import { type Refusal, refusalOf } from "./number/refusal";
 import { live } from "./store";
 import { type Quantity, ValueField } from "./value_field";
 
@@ -33,10 +34,10 @@ export function NumberField({ pointer, along = [], ...quantity }: NumberFieldPro
   );
 }
 
-function refusalAmong(pointers: readonly NumberPointer[]): string | undefined {
+function refusalAmong(pointers: readonly NumberPointer[]): Refusal | undefined {
   for (const pointer of pointers) {
     const edit = live.edits.of(pointer).value;
-    if (edit.name === "refused") return edit.detail;
+    if (edit.name === "refused") return refusalOf(edit.detail);
   }
   return undefined;
 }

@@ -1,6 +1,5 @@
 //! The frame that goes up: what the hand does.
 
-use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use super::{Corrections, Header, KIND_HANDLE, MAX_FRAME, Sweeps, corrections, header, sweeps};
@@ -14,7 +13,7 @@ pub(super) const FIXED: usize =
 
 words! {
     /// What the handle's copy of the clay is good for.
-    #[derive(Default, Serialize, Deserialize, ToSchema)]
+    #[derive(Default, ToSchema)]
     #[serde(rename_all = "snake_case")]
     pub enum CopyState: "copy state" {
         /// There is none: the scheme needs none, or it has not come yet.

@@ -1,6 +1,5 @@
 //! The frame that comes down: what the tool meets.
 
-use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use super::{Header, KIND_TOOL, MAX_FRAME, Sweeps, header, sweeps};
@@ -29,7 +28,7 @@ words! {
 
 words! {
     /// Why the server did not merge a sweep.
-    #[derive(Default, Serialize, Deserialize, ToSchema)]
+    #[derive(Default, ToSchema)]
     #[serde(rename_all = "snake_case")]
     pub enum SweepRefusal: "sweep refusal" {
         /// No sweep has been refused.

@@ -1,10 +1,12 @@
 //! From bytes to a checked type, or to an error that says where.
 
+use serde::Serialize;
 use serde::de::DeserializeOwned;
-use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::Value;
+use serde_json::error::Category;
 use serde_path_to_error::{Path, Segment};
 
+use super::read::{Document, Reader};
 use crate::validate::{FieldError, Validate};
 
 /// Why a body was not accepted.
@@ -33,12 +35,12 @@ pub fn parse<T>(body: &[u8]) -> Result<T, BodyError>
 where
     T: DeserializeOwned + Serialize + Validate,
 {
-    let document: Value = serde_json::from_slice(body).map_err(syntax_error)?;
+    let document = document(body)?;
     require_object(&document)?;
-    let value: T = read(&document)?;
-    // A document keeps the last of two fields of one name; only the text shows that there were two.
-    read::<T, _>(&mut serde_json::Deserializer::from_slice(body))?;
-    // Serde also reads a struct from an array of its fields in order. Nobody documents such a body, and a field added
+    let value: T = serde_path_to_error::deserialize(Reader(&document))
+        .map_err(|error| FieldError::new(pointer(error.path()), error.inner().to_string()))?;
+    // Serde also reads a struct from an array of its fields in order. The reader does not let it, but for what is
+    // inside of an enumeration that is told apart by one of its fields. Nobody documents such a body, and a field added
     // later would change its meaning: wherever the value is an object, the body must have one.
     compare(
         &document,
@@ -64,13 +66,18 @@ fn require_object(document: &Value) -> Result<(), FieldError> {
     ))
 }
 
-fn read<'de, T, D>(deserializer: D) -> Result<T, FieldError>
-where
-    T: Deserialize<'de>,
-    D: Deserializer<'de, Error = serde_json::Error>,
-{
-    serde_path_to_error::deserialize(deserializer)
-        .map_err(|error| FieldError::new(pointer(error.path()), without_position(error.inner())))
+/// The document that a text holds, and nothing after it.
+fn document(body: &[u8]) -> Result<Value, BodyError> {
+    let mut text = serde_json::Deserializer::from_slice(body);
+    let Document(document) = serde_path_to_error::deserialize(&mut text).map_err(|error| {
+        if error.inner().classify() == Category::Data {
+            FieldError::new(pointer(error.path()), without_position(error.inner())).into()
+        } else {
+            syntax_error(error.into_inner())
+        }
+    })?;
+    text.end().map_err(syntax_error)?;
+    Ok(document)
 }
 
 fn syntax_error(error: serde_json::Error) -> BodyError {

@@ -1,10 +1,14 @@
 //! Blocks of clay: what they start as.
 
+use std::ops::RangeInclusive;
+
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use super::Material;
+use super::schema::{BlockEdge, BlockPlace};
 use crate::validate::{FieldError, Validate, check};
+use crate::word::words;
 
 /// Most voxels along one axis.
 pub const MAX_VOXELS_PER_AXIS: u32 = 512;
@@ -12,8 +16,12 @@ pub const MAX_VOXELS_PER_AXIS: u32 = 512;
 /// Most steps of a stepped block.
 pub const MAX_STEPS: usize = 64;
 
-/// Longest edge of a block, m.
-const MAX_SIZE_M: f64 = 10.0;
+/// Edge of a block.
+pub(super) const EDGE_M: RangeInclusive<f64> = 1e-5..=10.0;
+/// Where something on a block may be.
+pub(super) const PLACE_M: RangeInclusive<f64> = 0.0..=10.0;
+/// Edge of a voxel.
+const VOXEL_M: RangeInclusive<f64> = 1e-5..=0.1;
 /// Extent of a block that is not told otherwise, m.
 const DEFAULT_SIZE_M: [f64; 3] = [0.128, 0.064, 0.064];
 /// Where the steps of the cutting experiment begin and end, `[KHMH03]` Fig. 7.
@@ -35,23 +43,23 @@ pub enum ClayShape {
     /// A full block.
     Block {
         /// Extent along x, y, z, m.
-        #[schema(required = false)]
+        #[schema(required = false, value_type = Vec<BlockEdge>, min_items = 3, max_items = 3)]
         size_m: [f64; 3],
     },
     /// The block of the cutting experiment: its top rises in steps along x, so that a blade which moves level cuts one
     /// depth after the other.
     Stepped {
         /// Where the steps begin and end along x, m: ascending, one more than there are depths. Nothing stands outside.
-        #[schema(required = false)]
+        #[schema(required = false, value_type = Vec<BlockPlace>, min_items = 2, max_items = 65)]
         edges_m: Vec<f64>,
         /// Height of each step above the blade's lower edge, m; 1 to 64 steps.
-        #[schema(required = false)]
+        #[schema(required = false, value_type = Vec<BlockEdge>, min_items = 1, max_items = 64)]
         depths_of_cut_m: Vec<f64>,
         /// Height of the clay below the blade's lower edge, m.
-        #[schema(required = false)]
+        #[schema(required = false, value_type = BlockPlace)]
         base_m: f64,
         /// Extent along y, m.
-        #[schema(required = false)]
+        #[schema(required = false, value_type = BlockEdge)]
         width_m: f64,
     },
 }
@@ -168,7 +176,7 @@ impl Validate for ClayShape {
                     let detail = format!("{edges} edges for {depths} depths, wanted one more");
                     return Err(FieldError::new("/edges_m", detail));
                 }
-                check("/edges_m/0", edges_m[0], 0.0..=MAX_SIZE_M)?;
+                check("/edges_m/0", edges_m[0], PLACE_M)?;
                 for (index, pair) in edges_m.windows(2).enumerate() {
                     let pointer = format!("/edges_m/{}", index + 1);
                     check_length(&pointer, pair[1])?;
@@ -180,7 +188,7 @@ impl Validate for ClayShape {
                 for (index, depth) in depths_of_cut_m.iter().enumerate() {
                     check_length(&format!("/depths_of_cut_m/{index}"), *depth)?;
                 }
-                check("/base_m", *base_m, 0.0..=MAX_SIZE_M)?;
+                check("/base_m", *base_m, PLACE_M)?;
                 check_length("/width_m", *width_m)
             }
         }
@@ -190,7 +198,7 @@ impl Validate for ClayShape {
 impl Validate for ClaySpec {
     fn validate(&self) -> Result<(), FieldError> {
         self.shape.validate_under("/shape")?;
-        check("/voxel_size_m", self.voxel_size_m, 1e-5..=0.1)?;
+        check("/voxel_size_m", self.voxel_size_m, VOXEL_M)?;
         for (axis, size) in ["x", "y", "z"].into_iter().zip(self.shape.size_m()) {
             // A millionth of a voxel is what the division's rounding may add.
             let voxels = (size / self.voxel_size_m - 1e-6).ceil();
@@ -206,7 +214,7 @@ impl Validate for ClaySpec {
 }
 
 fn check_length(pointer: &str, length: f64) -> Result<(), FieldError> {
-    check(pointer, length, 1e-5..=MAX_SIZE_M)
+    check(pointer, length, EDGE_M)
 }
 
 impl Validate for ClayReset {
@@ -236,11 +244,11 @@ struct RawShape {
     width_m: Option<f64>,
 }
 
-#[derive(Clone, Copy, Deserialize)]
-#[serde(rename_all = "snake_case")]
-enum RawKind {
-    Block,
-    Stepped,
+words! {
+    enum RawKind: "shape of clay" {
+        Block "block",
+        Stepped "stepped",
+    }
 }
 
 impl TryFrom<RawShape> for ClayShape {

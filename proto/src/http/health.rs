@@ -1,5 +1,6 @@
 //! What probes ask for.
 
+use crate::word::words;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
@@ -15,13 +16,15 @@ pub struct Health {
     pub uptime_s: f64,
 }
 
-/// See [`Health::status`].
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, ToSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum HealthStatus {
-    /// The process answers.
-    #[default]
-    Ok,
+words! {
+    /// See [`Health::status`].
+    #[derive(Default, ToSchema)]
+    #[serde(rename_all = "snake_case")]
+    pub enum HealthStatus: "health status" {
+        /// The process answers.
+        #[default]
+        Ok "ok",
+    }
 }
 
 /// The answer of `/readyz`, with status 200 when `ready` and 503 otherwise.

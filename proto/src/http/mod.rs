@@ -11,6 +11,8 @@ mod health;
 mod network;
 mod patch;
 mod problem;
+mod read;
+mod schema;
 mod session;
 pub mod theory;
 
@@ -20,11 +22,15 @@ pub use clay::{ClayReset, ClayShape, ClaySpec, MAX_STEPS, MAX_VOXELS_PER_AXIS};
 pub use hash::{ClayHash, ClayHashError};
 pub use health::{Health, HealthStatus, Readiness};
 pub use network::{Burst, Impairment, JitterDistribution, Network, Outage};
-pub use patch::{ImpairmentPatch, MaterialPatch, NetworkPatch, SessionPatch};
+pub use patch::{
+    BurstPatch, ImpairmentPatch, MaterialPatch, NetworkPatch, OutagePatch, SessionPatch,
+};
 pub use problem::Problem;
 pub use session::{
     ClayState, CorrectionsState, LoopState, MAX_TOOLS, NewSession, Quantiles, Session,
     SessionState, TickQuantiles, ToolState,
 };
+
+pub(crate) use patch::present;
 
 pub use crate::{Axes, Material, NodeName, Scheme, SessionId, ToolDescription};

@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use crate::validate::{FieldError, Validate, check};
+use crate::word::words;
 
 /// Largest whole number that every JSON reader keeps exactly, 2⁵³ − 1.
 const MAX_SEED: u64 = (1 << 53) - 1;
@@ -50,15 +51,17 @@ pub struct Impairment {
     pub outage: Option<Outage>,
 }
 
-/// How delays scatter about their mean.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, ToSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum JitterDistribution {
-    /// Normal, cut off at a delay of zero.
-    #[default]
-    Normal,
-    /// Pareto of the same mean and deviation: most packets a little early, a few very late.
-    HeavyTailed,
+words! {
+    /// How delays scatter about their mean.
+    #[derive(Default, ToSchema)]
+    #[serde(rename_all = "snake_case")]
+    pub enum JitterDistribution: "jitter distribution" {
+        /// Normal, cut off at a delay of zero.
+        #[default]
+        Normal "normal",
+        /// Pareto of the same mean and deviation: most packets a little early, a few very late.
+        HeavyTailed "heavy_tailed",
+    }
 }
 
 /// The model of `[G60]` and `[E63]`: a channel that is good or bad, and changes from packet to packet.

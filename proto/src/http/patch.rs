@@ -166,21 +166,98 @@ pub struct ImpairmentPatch {
     )]
     pub reorder: Option<f64>,
     /// Losses in bursts; `null` ends them.
-    #[schema(value_type = Option<Burst>)]
+    #[schema(value_type = Option<BurstPatch>)]
     #[serde(
         default,
         skip_serializing_if = "Option::is_none",
         deserialize_with = "present"
     )]
-    pub burst: Option<Option<Burst>>,
+    pub burst: Option<Option<BurstPatch>>,
     /// Outages; `null` ends them.
-    #[schema(value_type = Option<Outage>)]
+    #[schema(value_type = Option<OutagePatch>)]
     #[serde(
         default,
         skip_serializing_if = "Option::is_none",
         deserialize_with = "present"
     )]
-    pub outage: Option<Option<Outage>>,
+    pub outage: Option<Option<OutagePatch>>,
+}
+
+/// Changes of losses in bursts. Where there were none, all of it must be there.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct BurstPatch {
+    /// Probability per packet that a good channel turns bad.
+    #[schema(nullable = false, minimum = 0, maximum = 1)]
+    #[serde(
+        default,
+        skip_serializing_if = "Option::is_none",
+        deserialize_with = "present"
+    )]
+    pub enter: Option<f64>,
+    /// Probability per packet that a bad channel turns good.
+    #[schema(nullable = false, minimum = 0, maximum = 1)]
+    #[serde(
+        default,
+        skip_serializing_if = "Option::is_none",
+        deserialize_with = "present"
+    )]
+    pub leave: Option<f64>,
+    /// Share of packets lost while the channel is bad.
+    #[schema(nullable = false, minimum = 0, maximum = 1)]
+    #[serde(
+        default,
+        skip_serializing_if = "Option::is_none",
+        deserialize_with = "present"
+    )]
+    pub loss_in_burst: Option<f64>,
+}
+
+/// Changes of outages. Where there were none, all of it must be there.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct OutagePatch {
+    /// From the start of one outage to the start of the next, s.
+    #[schema(nullable = false, minimum = 0.01, maximum = 3600)]
+    #[serde(
+        default,
+        skip_serializing_if = "Option::is_none",
+        deserialize_with = "present"
+    )]
+    pub every_s: Option<f64>,
+    /// Length of each, s; shorter than `every_s`.
+    #[schema(nullable = false, minimum = 0, maximum = 60)]
+    #[serde(
+        default,
+        skip_serializing_if = "Option::is_none",
+        deserialize_with = "present"
+    )]
+    pub length_s: Option<f64>,
+}
+
+impl SessionPatch {
+    /// Checks what only shows beside the network as it is: parts that are left out and that nothing has a value for,
+    /// and parts that do not fit each other.
+    ///
+    /// # Errors
+    /// The first field at fault.
+    pub fn fits(&self, network: Network) -> Result<(), FieldError> {
+        let Some(change) = self.network else {
+            return Ok(());
+        };
+        let lines = [
+            ("/network/up", change.up, network.up),
+            ("/network/down", change.down, network.down),
+        ];
+        for (pointer, change, line) in lines {
+            if let Some(change) = change {
+                change
+                    .is_whole(&line)
+                    .map_err(|error| error.under(pointer))?;
+            }
+        }
+        change.apply(network).validate_under("/network")
+    }
 }
 
 impl MaterialPatch {
@@ -196,7 +273,8 @@ impl MaterialPatch {
 }
 
 impl NetworkPatch {
-    /// The network after the change.
+    /// The network after the change. Where an outage or a burst begins and a part of it is left out, that part is NaN,
+    /// which no network may have; [`SessionPatch::fits`] says so beforehand.
     #[must_use]
     pub fn apply(&self, to: Network) -> Network {
         Network {
@@ -218,8 +296,75 @@ impl ImpairmentPatch {
             jitter_distribution: self.jitter_distribution.unwrap_or(to.jitter_distribution),
             duplicate: self.duplicate.unwrap_or(to.duplicate),
             reorder: self.reorder.unwrap_or(to.reorder),
-            burst: self.burst.unwrap_or(to.burst),
-            outage: self.outage.unwrap_or(to.outage),
+            burst: self.burst.map_or(to.burst, |change| {
+                change.map(|change| change.apply(to.burst.unwrap_or(NO_BURST)))
+            }),
+            outage: self.outage.map_or(to.outage, |change| {
+                change.map(|change| change.apply(to.outage.unwrap_or(NO_OUTAGE)))
+            }),
+        }
+    }
+
+    /// Checks that nothing which begins with this change lacks a part.
+    fn is_whole(&self, before: &Impairment) -> Result<(), FieldError> {
+        if let (Some(Some(change)), None) = (self.burst, before.burst) {
+            let parts = [
+                ("enter", change.enter),
+                ("leave", change.leave),
+                ("loss_in_burst", change.loss_in_burst),
+            ];
+            all_there("/burst", "bursts", &parts)?;
+        }
+        if let (Some(Some(change)), None) = (self.outage, before.outage) {
+            let parts = [("every_s", change.every_s), ("length_s", change.length_s)];
+            all_there("/outage", "outages", &parts)?;
+        }
+        Ok(())
+    }
+}
+
+/// What a change of bursts has where there are none to change.
+const NO_BURST: Burst = Burst {
+    enter: f64::NAN,
+    leave: f64::NAN,
+    loss_in_burst: f64::NAN,
+};
+
+/// What a change of outages has where there are none to change.
+const NO_OUTAGE: Outage = Outage {
+    every_s: f64::NAN,
+    length_s: f64::NAN,
+};
+
+fn all_there(pointer: &str, what: &str, parts: &[(&str, Option<f64>)]) -> Result<(), FieldError> {
+    match parts.iter().find(|(_, value)| value.is_none()) {
+        Some((name, _)) => Err(FieldError::new(
+            pointer,
+            format!("missing field `{name}`: there are no {what} whose value it could keep"),
+        )),
+        None => Ok(()),
+    }
+}
+
+impl BurstPatch {
+    /// The bursts after the change.
+    #[must_use]
+    pub fn apply(&self, to: Burst) -> Burst {
+        Burst {
+            enter: self.enter.unwrap_or(to.enter),
+            leave: self.leave.unwrap_or(to.leave),
+            loss_in_burst: self.loss_in_burst.unwrap_or(to.loss_in_burst),
+        }
+    }
+}
+
+impl OutagePatch {
+    /// The outages after the change.
+    #[must_use]
+    pub fn apply(&self, to: Outage) -> Outage {
+        Outage {
+            every_s: self.every_s.unwrap_or(to.every_s),
+            length_s: self.length_s.unwrap_or(to.length_s),
         }
     }
 }
@@ -256,8 +401,29 @@ impl From<Impairment> for ImpairmentPatch {
             jitter_distribution: Some(impairment.jitter_distribution),
             duplicate: Some(impairment.duplicate),
             reorder: Some(impairment.reorder),
-            burst: Some(impairment.burst),
-            outage: Some(impairment.outage),
+            burst: Some(impairment.burst.map(BurstPatch::from)),
+            outage: Some(impairment.outage.map(OutagePatch::from)),
+        }
+    }
+}
+
+impl From<Burst> for BurstPatch {
+    /// The change that gives exactly these bursts, whatever was before.
+    fn from(burst: Burst) -> Self {
+        Self {
+            enter: Some(burst.enter),
+            leave: Some(burst.leave),
+            loss_in_burst: Some(burst.loss_in_burst),
+        }
+    }
+}
+
+impl From<Outage> for OutagePatch {
+    /// The change that gives exactly these outages, whatever was before.
+    fn from(outage: Outage) -> Self {
+        Self {
+            every_s: Some(outage.every_s),
+            length_s: Some(outage.length_s),
         }
     }
 }
@@ -282,19 +448,35 @@ impl Validate for MaterialPatch {
 
 impl Validate for NetworkPatch {
     fn validate(&self) -> Result<(), FieldError> {
-        self.apply(Network::default()).validate()
+        self.up.validate_under("/up")?;
+        self.down.validate_under("/down")
     }
 }
 
 impl Validate for ImpairmentPatch {
     fn validate(&self) -> Result<(), FieldError> {
-        self.apply(Impairment::default()).validate()
+        // The longest period and the shortest outage: with them, only what the change itself names can be at fault.
+        let outage = Outage {
+            every_s: 3600.0,
+            length_s: 0.0,
+        };
+        let burst = Burst {
+            enter: 0.0,
+            leave: 1.0,
+            loss_in_burst: 0.0,
+        };
+        self.apply(Impairment {
+            burst: Some(burst),
+            outage: Some(outage),
+            ..Impairment::default()
+        })
+        .validate()
     }
 }
 
 /// Reads a field that is there. With serde's own `Option` a `null` would pass for a field left out; here it is an error,
 /// except where `null` itself is a value.
-pub(super) fn present<'de, D, T>(deserializer: D) -> Result<Option<T>, D::Error>
+pub(crate) fn present<'de, D, T>(deserializer: D) -> Result<Option<T>, D::Error>
 where
     D: Deserializer<'de>,
     T: Deserialize<'de>,

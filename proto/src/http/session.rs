@@ -1,13 +1,15 @@
 //! A session: what it is told to be, and what it is.
 
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 use utoipa::ToSchema;
 
+use super::schema::Vector;
 use super::{
     Axes, ClayHash, ClayShape, ClaySpec, Material, Network, Scheme, SessionId, ToolDescription,
 };
 use crate::frame::{CopyState, SweepRefusal};
-use crate::validate::{FieldError, Validate, check};
+use crate::validate::{FieldError, Validate, check, whole_within};
+use crate::word::words;
 
 /// Most operators of one session.
 pub const MAX_TOOLS: u8 = 8;
@@ -41,7 +43,7 @@ pub struct NewSession {
     #[schema(minimum = 0.0, maximum = 0.5, default = 0.0)]
     pub deadband: f64,
     /// How many operators may join.
-    #[serde(default = "one")]
+    #[serde(default = "one", deserialize_with = "tools")]
     #[schema(minimum = 1, maximum = 8, default = 1)]
     pub tools: u8,
 }
@@ -85,6 +87,10 @@ impl Validate for NewSession {
     }
 }
 
+fn tools<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u8, D::Error> {
+    whole_within(deserializer, 1..=MAX_TOOLS)
+}
+
 const fn one() -> u8 {
     1
 }
@@ -104,6 +110,7 @@ pub struct Session {
     /// What the loop does.
     pub state: SessionState,
     /// Why the session is in fault; `null` when it is not.
+    #[schema(required)]
     pub fault: Option<String>,
     /// What the clay resists with.
     pub material: Material,
@@ -126,19 +133,21 @@ pub struct Session {
     pub control_loop: LoopState,
 }
 
-/// What a session's loop does.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, ToSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum SessionState {
-    /// No operator is engaged.
-    #[default]
-    Idle,
-    /// A tool works.
-    Running,
-    /// Somebody has paused the session.
-    Paused,
-    /// The loop met a value it cannot work with; see [`Session::fault`].
-    Fault,
+words! {
+    /// What a session's loop does.
+    #[derive(Default, ToSchema)]
+    #[serde(rename_all = "snake_case")]
+    pub enum SessionState: "session state" {
+        /// No operator is engaged.
+        #[default]
+        Idle "idle",
+        /// A tool works.
+        Running "running",
+        /// Somebody has paused the session.
+        Paused "paused",
+        /// The loop met a value it cannot work with; see [`Session::fault`].
+        Fault "fault",
+    }
 }
 
 /// The clay of a session. `initial = remaining + removed` holds exactly, in units and in m³.
@@ -180,20 +189,27 @@ pub struct ToolState {
     /// Whether frames come in.
     pub connected: bool,
     /// Tool position in the clay's frame, m.
+    #[schema(value_type = Vector)]
     pub position_m: [f64; 3],
     /// Force of the clay on the tool, N.
+    #[schema(value_type = Vector)]
     pub force_n: [f64; 3],
     /// Handle position in the handle's frame, m.
+    #[schema(value_type = Vector)]
     pub handle_position_m: [f64; 3],
     /// Reaction that the handle renders to the hand, N.
+    #[schema(value_type = Vector)]
     pub felt_force_n: [f64; 3],
     /// Force of the hand on the handle, N.
+    #[schema(value_type = Vector)]
     pub hand_force_n: [f64; 3],
     /// Tool position in the clay's frame when the handle is at its origin, m.
+    #[schema(value_type = Vector)]
     pub home_m: [f64; 3],
     /// What the handle's copy of the clay is good for; `none` in schemes without one.
     pub copy: CopyState,
     /// Felt force less what the hand would feel of this clay's answer to the same motion, N: what a copy hid. Zero in schemes without one.
+    #[schema(value_type = Vector)]
     pub hidden_force_n: [f64; 3],
     /// Cuts of this operator that the server did not take, since joining.
     pub sweeps_refused: u32,
@@ -212,6 +228,7 @@ pub struct CorrectionsState {
     /// How far they have moved the felt force, tick by tick and all told, N.
     pub moved_n: f64,
     /// Felt force less the force that the corrected copy gives, N: what is still to be let in.
+    #[schema(value_type = Vector)]
     pub held_n: [f64; 3],
     /// Largest change of the felt force in one tick on account of corrections, N.
     pub largest_step_n: f64,

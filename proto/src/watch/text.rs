@@ -5,8 +5,9 @@ use utoipa::ToSchema;
 
 use crate::SessionId;
 use crate::http::{
-    BodyError, ClayReset, FieldError, Problem, Session, SessionPatch, Validate, parse,
+    BodyError, ClayReset, FieldError, Problem, Session, SessionPatch, Validate, parse, present,
 };
+use crate::word::words;
 
 /// From the server to a watcher.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
@@ -47,16 +48,18 @@ pub enum ServerText {
     },
 }
 
-/// How grave an event is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, ToSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Level {
-    /// Good to know.
-    Info,
-    /// Something is not as it should be, and the session goes on.
-    Warning,
-    /// The session does not go on.
-    Error,
+words! {
+    /// How grave an event is.
+    #[derive(ToSchema)]
+    #[serde(rename_all = "snake_case")]
+    pub enum Level: "level" {
+        /// Good to know.
+        Info "info",
+        /// Something is not as it should be, and the session goes on.
+        Warning "warning",
+        /// The session does not go on.
+        Error "error",
+    }
 }
 
 /// From a watcher to the server.
@@ -83,19 +86,22 @@ pub enum ClientText {
     /// Asks for a `pong`.
     Ping {
         /// Comes back with the pong.
+        #[schema(maximum = 4294967295_u32)]
         nonce: u32,
     },
 }
 
-/// Whether something is sent.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, ToSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Switch {
-    /// It is sent.
-    On,
-    /// It is not.
-    #[default]
-    Off,
+words! {
+    /// Whether something is sent.
+    #[derive(Default, ToSchema)]
+    #[serde(rename_all = "snake_case")]
+    pub enum Switch: "switch" {
+        /// It is sent.
+        On "on",
+        /// It is not.
+        #[default]
+        Off "off",
+    }
 }
 
 impl ClientText {
@@ -124,20 +130,25 @@ impl Validate for ClientText {
 struct RawClientText {
     #[serde(rename = "type")]
     kind: RawKind,
+    #[serde(default, deserialize_with = "present")]
     telemetry: Option<Switch>,
+    #[serde(default, deserialize_with = "present")]
     bricks: Option<Switch>,
+    #[serde(default, deserialize_with = "present")]
     session: Option<Box<SessionPatch>>,
+    #[serde(default, deserialize_with = "present")]
     clay: Option<ClayReset>,
+    #[serde(default, deserialize_with = "present")]
     nonce: Option<u32>,
 }
 
-#[derive(Clone, Copy, Deserialize)]
-#[serde(rename_all = "snake_case")]
-enum RawKind {
-    Subscribe,
-    Patch,
-    Reset,
-    Ping,
+words! {
+    enum RawKind: "type of message" {
+        Subscribe "subscribe",
+        Patch "patch",
+        Reset "reset",
+        Ping "ping",
+    }
 }
 
 impl TryFrom<RawClientText> for ClientText {

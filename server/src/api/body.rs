@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use axum::extract::rejection::{BytesRejection, FailedToBufferBody};
-use axum::extract::{FromRequest, FromRequestParts, Path, Request};
+use axum::extract::{FromRequest, FromRequestParts, OriginalUri, Path, Request};
 use axum::http::request::Parts;
 use axum::http::{HeaderMap, header};
 use serde::Serialize;
@@ -13,7 +13,9 @@ use teleclay_proto::http::{Validate, parse};
 use tokio::time::timeout;
 
 use super::Api;
-use super::problem::{Failure, MEDIA_TYPE, NO_SUCH_SESSION, PATH, SLOW_BODY, SYNTAX, TOO_LARGE};
+use super::problem::{
+    Failure, MEDIA_TYPE, NO_SUCH_SESSION, PATH, SLOW_BODY, SYNTAX, TOO_LARGE, path_of,
+};
 use crate::directory::Live;
 
 /// Longest body, bytes. The largest that means something, a stepped block of 64 steps, has about four thousand.
@@ -107,16 +109,20 @@ impl FromRequestParts<Api> for Found {
             .await
             .map_err(|rejection| PATH.because(rejection.body_text()))?;
         // What is no name names no session: there is one way to say so, whatever the reason.
-        let id =
-            SessionId::new(name).map_err(|error| NO_SUCH_SESSION.because(error.to_string()))?;
+        let OriginalUri(asked) = OriginalUri::from_request_parts(parts, api)
+            .await
+            .unwrap_or_else(|never| match never {});
+        let nothing_at =
+            |why: String| NO_SUCH_SESSION.because(format!("{}: {why}", path_of(&asked)));
+        let id = SessionId::new(name).map_err(|error| nothing_at(error.to_string()))?;
         match api.directory().session(&id) {
             Some(live) => Ok(Self { id, live }),
-            None => Err(no_such_session(&id)),
+            None => Err(nothing_at(format!("no session is named {id}"))),
         }
     }
 }
 
-/// There is no session of this name, or no longer.
+/// There is no session of this name any longer.
 pub(crate) fn no_such_session(id: &SessionId) -> Failure {
     NO_SUCH_SESSION.because(format!("no session is named {id}"))
 }

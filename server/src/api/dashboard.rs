@@ -9,7 +9,7 @@ use rust_embed::{EmbeddedFile, RustEmbed};
 
 use super::Api;
 use super::pages;
-use super::problem::NO_SUCH_PATH;
+use super::problem::{NO_SUCH_PATH, path_of};
 
 /// What `npm run build` made. The server builds without it, and then says so.
 #[derive(RustEmbed)]
@@ -118,7 +118,7 @@ fn is_navigation(asked: &HeaderMap) -> bool {
 
 fn nothing_at(request: &Request) -> Response {
     NO_SUCH_PATH
-        .because(format!("nothing is served at {}", request.uri().path()))
+        .because(format!("nothing is served at {}", path_of(request.uri())))
         .into_response()
 }
 

@@ -5,13 +5,13 @@ use std::sync::Arc;
 use axum::Router;
 use axum::extract::Path;
 use axum::extract::rejection::PathRejection;
-use axum::http::{StatusCode, header};
+use axum::http::{StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use utoipa_swagger_ui::{Config, Url, serve};
 
 use super::Api;
-use super::problem::{Failure, INTERNAL, NO_SUCH_PATH};
+use super::problem::{Failure, INTERNAL, NO_SUCH_PATH, path_of};
 
 /// The page styles itself inline and has its icons in its style sheet.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data:; \
@@ -41,21 +41,33 @@ pub(crate) fn routes() -> Router<Api> {
                 )
             }),
         )
-        .route("/api/docs/", get(async move || file("", &page)))
+        .route(
+            "/api/docs/",
+            get(async move |uri: Uri| file("", &uri, &page)),
+        )
         .route(
             "/api/docs/{*file}",
-            get(async move |path: Result<Path<String>, PathRejection>| {
-                let Path(path) =
-                    path.map_err(|rejection| NO_SUCH_PATH.because(rejection.body_text()))?;
-                file(&path, &config)
-            }),
+            get(
+                async move |uri: Uri, path: Result<Path<String>, PathRejection>| {
+                    let Path(path) = path.map_err(|rejection| {
+                        NO_SUCH_PATH.because(format!(
+                            "{}: {}",
+                            path_of(&uri),
+                            rejection.body_text()
+                        ))
+                    })?;
+                    file(&path, &uri, &config)
+                },
+            ),
         )
 }
 
-fn file(path: &str, config: &Arc<Config<'static>>) -> Result<Response, Failure> {
+fn file(path: &str, asked: &Uri, config: &Arc<Config<'static>>) -> Result<Response, Failure> {
     let found = serve(path, Arc::clone(config))
         .map_err(|error| INTERNAL.because(error.to_string()))?
-        .ok_or_else(|| NO_SUCH_PATH.because(format!("the documentation has no file {path}")))?;
+        .ok_or_else(|| {
+            NO_SUCH_PATH.because(format!("the documentation has no file {}", path_of(asked)))
+        })?;
     let headers = [
         (header::CONTENT_TYPE, found.content_type),
         (header::CACHE_CONTROL, "no-cache".to_owned()),

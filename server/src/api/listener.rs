@@ -14,6 +14,7 @@ use tokio::net::{TcpListener, TcpSocket, TcpStream};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
 use tokio::time::{sleep, timeout};
 
+use super::linger::{Lingering, Patience};
 use super::stall::Impatient;
 
 /// Connections at once. More wait to be accepted; each watcher has one, and each page a handful besides.
@@ -123,7 +124,10 @@ async fn converse(
             .header_read_timeout(HEAD_TIMEOUT)
             .max_buf_size(MAX_HEAD)
             .serve_connection(
-                TokioIo::new(Impatient::new(connection, STALL_TIMEOUT)),
+                TokioIo::new(Impatient::new(
+                    Lingering::new(connection, place, Patience::USUAL),
+                    STALL_TIMEOUT
+                )),
                 service
             )
             .with_upgrades()
@@ -138,5 +142,5 @@ async fn converse(
     if let Err(error) = ended {
         tracing::debug!(%error, "a connection broke");
     }
-    drop((stopped, place));
+    drop(stopped);
 }

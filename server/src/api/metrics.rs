@@ -3,12 +3,14 @@
 //! Every scrape writes what is true now into a recorder of its own. So a session that has ended leaves no series behind, and
 //! nothing is kept between scrapes that could grow.
 
+use std::fmt::Write as _;
+
 use axum::extract::State;
 use axum::http::header;
 use axum::response::IntoResponse;
 use metrics::{Label, Unit, counter, describe_counter, describe_gauge, gauge, with_local_recorder};
 use metrics_exporter_prometheus::PrometheusBuilder;
-use teleclay_proto::http::{Session, SessionState};
+use teleclay_proto::http::{LoopState, Quantiles, Session, SessionState};
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
@@ -39,14 +41,75 @@ async fn metrics(State(api): State<Api>) -> impl IntoResponse {
 
 fn render(api: &Api) -> String {
     let recorder = PrometheusBuilder::new().build_recorder();
+    let sessions = api.directory().sessions();
     with_local_recorder(&recorder, || {
         describe();
         write_server(api);
-        for session in api.directory().sessions() {
-            write_session(&session);
-        }
+        sessions.iter().for_each(write_session);
     });
-    recorder.handle().render()
+    let mut text = recorder.handle().render();
+    write_summaries(&sessions, &mut text);
+    text
+}
+
+/// Quantiles that are known already. The recorder would take them of samples of its own; so these are written by hand.
+/// They are of the last few seconds, of which nobody could add up a sum or a count over time: there is none.
+fn write_summaries(sessions: &[Session], text: &mut String) {
+    for (name, meaning, quantiles) in SUMMARIES {
+        if sessions.is_empty() {
+            continue;
+        }
+        // Writing to a String cannot fail.
+        let _ = write!(text, "# HELP {name} {meaning}\n# TYPE {name} summary\n");
+        for session in sessions {
+            // A name has no character that a label would have to escape.
+            let id = &session.id;
+            for (quantile, value) in quantiles(&session.control_loop) {
+                let _ = writeln!(
+                    text,
+                    "{name}{{session=\"{id}\",quantile=\"{quantile}\"}} {value}"
+                );
+            }
+        }
+        text.push('\n');
+    }
+}
+
+type Summary = (
+    &'static str,
+    &'static str,
+    fn(&LoopState) -> Vec<(&'static str, f64)>,
+);
+
+/// Name, meaning and quantiles of each summary.
+const SUMMARIES: [Summary; 3] = [
+    (
+        "teleclay_tick_seconds",
+        "What a tick of all sessions takes to compute, over the last 5 to 10 seconds; quantile 1 is the greatest",
+        |state| {
+            let tick = state.tick_s;
+            vec![
+                ("0.5", tick.p50),
+                ("0.99", tick.p99),
+                ("0.999", tick.p999),
+                ("1", tick.max),
+            ]
+        },
+    ),
+    (
+        "teleclay_rtt_seconds",
+        "Round trip, over the last 5 to 10 seconds",
+        |state| median_and_tail(state.rtt_s),
+    ),
+    (
+        "teleclay_frame_age_seconds",
+        "Age of the newest frame whenever a tick used it, over the last 5 to 10 seconds",
+        |state| median_and_tail(state.age_s),
+    ),
+];
+
+fn median_and_tail(quantiles: Quantiles) -> Vec<(&'static str, f64)> {
+    vec![("0.5", quantiles.p50), ("0.99", quantiles.p99)]
 }
 
 fn write_server(api: &Api) {
@@ -118,22 +181,6 @@ fn write_session(session: &Session) {
     gauge!("teleclay_loop_rate_hertz", labels()).set(control_loop.rate_hz);
     counter!("teleclay_loop_ticks_total", labels()).absolute(control_loop.ticks);
     counter!("teleclay_loop_late_ticks_total", labels()).absolute(control_loop.late_ticks);
-    let tick = control_loop.tick_s;
-    for (quantile, tick_s) in [
-        ("0.5", tick.p50),
-        ("0.99", tick.p99),
-        ("0.999", tick.p999),
-        ("1", tick.max),
-    ] {
-        gauge!("teleclay_tick_seconds", with("quantile", quantile)).set(tick_s);
-    }
-    for (name, quantiles) in [
-        ("teleclay_rtt_seconds", control_loop.rtt_s),
-        ("teleclay_frame_age_seconds", control_loop.age_s),
-    ] {
-        gauge!(name, with("quantile", "0.5")).set(quantiles.p50);
-        gauge!(name, with("quantile", "0.99")).set(quantiles.p99);
-    }
     counter!("teleclay_frames_lost_total", labels()).absolute(control_loop.lost);
     counter!("teleclay_frames_duplicate_total", labels()).absolute(control_loop.duplicates);
     counter!("teleclay_frames_reordered_total", labels()).absolute(control_loop.reordered);
@@ -217,21 +264,6 @@ const GAUGES: &[(&str, Unit, &str)] = &[
         "teleclay_loop_rate_hertz",
         Unit::Count,
         "Ticks per second that the loop aims at",
-    ),
-    (
-        "teleclay_tick_seconds",
-        Unit::Seconds,
-        "What a tick takes to compute, since the session began",
-    ),
-    (
-        "teleclay_rtt_seconds",
-        Unit::Seconds,
-        "Round trip of the last few seconds",
-    ),
-    (
-        "teleclay_frame_age_seconds",
-        Unit::Seconds,
-        "Age of the newest frame whenever a tick used it, last few seconds",
     ),
     (
         "teleclay_packets_per_second",

@@ -11,7 +11,7 @@
 //! | [`problem`] | every way to fail |
 //! | [`body`] | what comes in, checked |
 //! | [`http_metrics`] | what the interface counts of itself |
-//! | [`listener`], [`stall`] | connections: how many, how long, how much may wait in them |
+//! | [`listener`], [`stall`], [`linger`] | connections: how many, how long, how much may wait in them, how they end |
 //!
 //! A request passes, from the outside in: headers for the answer, the count, a net for panics, the time limit, host and
 //! origin, and under `/api/v1` the token. Whatever fails anywhere answers with a problem.
@@ -24,6 +24,7 @@ mod docs;
 mod guard;
 mod health;
 mod http_metrics;
+mod linger;
 mod listener;
 mod metrics;
 mod openapi;
@@ -40,18 +41,19 @@ use std::time::Duration;
 
 use axum::Router;
 use axum::body::Bytes;
-use axum::extract::{DefaultBodyLimit, Request};
-use axum::http::{HeaderName, HeaderValue, header};
+use axum::extract::{DefaultBodyLimit, OriginalUri, Request};
+use axum::http::{HeaderName, HeaderValue, Method, header};
 use axum::middleware::{Next, from_fn, from_fn_with_state};
 use axum::response::{IntoResponse, Response};
 use tokio::sync::Semaphore;
 use tokio::time::timeout;
 use tower_http::catch_panic::CatchPanicLayer;
+use utoipa::openapi::OpenApi;
 use utoipa_axum::router::OpenApiRouter;
 
 use self::body::MAX_BODY;
 use self::http_metrics::HttpMetrics;
-use self::problem::{Failure, INTERNAL, METHOD, NO_ANSWER};
+use self::problem::{Failure, INTERNAL, METHOD, NO_ANSWER, path_of};
 use self::theory::ComputePool;
 use crate::directory::Directory;
 
@@ -123,6 +125,16 @@ pub fn router(directory: Directory, config: ApiConfig) -> Router {
         .with_state(api)
 }
 
+/// The OpenAPI document of a server of this version.
+pub fn description(version: &str) -> OpenApi {
+    let calls = OpenApiRouter::new()
+        .nest("/api/v1", calls_of_version_1())
+        .merge(metrics::routes())
+        .merge(open_calls())
+        .into_openapi();
+    openapi::document(calls, version)
+}
+
 fn calls_of_version_1() -> OpenApiRouter<Api> {
     OpenApiRouter::new()
         .merge(sessions::routes())
@@ -154,13 +166,8 @@ struct Inner {
 
 impl Api {
     fn new(directory: Directory, config: ApiConfig) -> Self {
-        let calls = OpenApiRouter::new()
-            .nest("/api/v1", calls_of_version_1())
-            .merge(metrics::routes())
-            .merge(open_calls())
-            .into_openapi();
-        let document = openapi::document(calls, &config.version);
-        let document = serde_json::to_vec(&document).expect("every map in it has strings as keys");
+        let document = serde_json::to_vec(&description(&config.version))
+            .expect("every map in it has strings as keys");
         Self(Arc::new(Inner {
             directory,
             config,
@@ -210,12 +217,8 @@ pub(crate) async fn see_through<T: Send + 'static>(
         .map_err(|_| INTERNAL.because("the change was broken off"))
 }
 
-async fn wrong_method(request: Request) -> Failure {
-    METHOD.because(format!(
-        "{} does not offer {}",
-        request.uri().path(),
-        request.method()
-    ))
+async fn wrong_method(OriginalUri(asked): OriginalUri, method: Method) -> Failure {
+    METHOD.because(format!("{} does not offer {method}", path_of(&asked)))
 }
 
 async fn limit_time(request: Request, next: Next) -> Response {

@@ -9,6 +9,7 @@ use teleclay_proto::http::Problem;
 use teleclay_proto::watch::{ClientText, ServerText};
 use utoipa::OpenApi as _;
 use utoipa::openapi::example::ExampleBuilder;
+use utoipa::openapi::schema::{AdditionalProperties, Schema};
 use utoipa::openapi::security::{HttpAuthScheme, HttpBuilder, SecurityRequirement, SecurityScheme};
 use utoipa::openapi::{
     Components, ContentBuilder, InfoBuilder, OpenApi, Ref, RefOr, Response, ResponseBuilder, Server,
@@ -67,6 +68,9 @@ struct Frame;
 pub(crate) fn document(calls: OpenApi, version: &str) -> OpenApi {
     let mut document = Frame::openapi();
     document.merge(calls);
+    if let Some(components) = &mut document.components {
+        components.schemas.values_mut().for_each(close_variants);
+    }
     document.info = InfoBuilder::new()
         .title("teleclay")
         .version(version)
@@ -88,6 +92,20 @@ pub(crate) fn document(calls: OpenApi, version: &str) -> OpenApi {
         SecurityRequirement::new("token", <[&str; 0]>::default()),
     ]);
     document
+}
+
+/// Says of each object of a choice that it has no other fields. Every one is told apart by a field and refuses the
+/// fields of the others; the schemas that are derived for them say so of plain objects only.
+fn close_variants(schema: &mut RefOr<Schema>) {
+    let RefOr::T(Schema::OneOf(choice)) = schema else {
+        return;
+    };
+    for variant in &mut choice.items {
+        if let RefOr::T(Schema::Object(object)) = variant {
+            let closed = Box::new(AdditionalProperties::FreeForm(false));
+            object.additional_properties.get_or_insert(closed);
+        }
+    }
 }
 
 /// The call that answers with the description.

@@ -6,12 +6,12 @@ use std::fmt::Write as _;
 use axum::Router;
 use axum::extract::Path;
 use axum::extract::rejection::PathRejection;
-use axum::http::header;
+use axum::http::{Uri, header};
 use axum::response::{Html, IntoResponse, Response};
 use axum::routing::get;
 
 use super::Api;
-use super::problem::{Failure, KINDS, Kind, NO_SUCH_PATH};
+use super::problem::{Failure, KINDS, Kind, NO_SUCH_PATH, path_of};
 
 /// Styles stand in the page itself; nothing else is loaded.
 const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
@@ -66,12 +66,18 @@ async fn catalogue() -> Response {
     )
 }
 
-async fn explanation(word: Result<Path<String>, PathRejection>) -> Result<Response, Failure> {
+async fn explanation(
+    asked: Uri,
+    word: Result<Path<String>, PathRejection>,
+) -> Result<Response, Failure> {
     let kind = word
         .ok()
         .and_then(|Path(word)| KINDS.iter().find(|kind| kind.word == word))
         .ok_or_else(|| {
-            NO_SUCH_PATH.because("no problem goes by that name; /problems lists them")
+            NO_SUCH_PATH.because(format!(
+                "no problem is explained at {}; /problems lists them",
+                path_of(&asked)
+            ))
         })?;
     Ok(page(
         kind.title,

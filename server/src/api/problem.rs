@@ -5,7 +5,7 @@
 
 use std::fmt;
 
-use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 use teleclay_proto::http::{BodyError, FieldError, Problem};
 
@@ -64,7 +64,7 @@ kinds! {
     TOO_MANY_SESSIONS = CONFLICT "too-many-sessions", "there are as many sessions as there may be",
         "Delete one first.";
     TOO_LARGE = PAYLOAD_TOO_LARGE "too-large", "the body is too large",
-        "No body of this interface needs 64 KiB.";
+        "No body of this interface needs 64 KiB, and no message to a stream 16 KiB; one that is longer ends the stream with code 1009.";
     MEDIA_TYPE = UNSUPPORTED_MEDIA_TYPE "media-type", "the body is of another media type",
         "Bodies are JSON: send Content-Type: application/json and no Content-Encoding.";
     HOST = MISDIRECTED_REQUEST "host", "this server does not go by that name",
@@ -97,6 +97,19 @@ kinds! {
         "Close a stream first.";
     BUSY = SERVICE_UNAVAILABLE "busy", "too many large answers or calculations are under way",
         "Try again when another has ended.";
+}
+
+/// Longest part of a path that a detail repeats, bytes.
+const MOST_OF_PATH: usize = 200;
+
+/// The path that was asked for, as a detail names it. Of a request that a nested router answers, `asked` is the
+/// original.
+pub(crate) fn path_of(asked: &Uri) -> String {
+    let path = asked.path();
+    match path.get(..MOST_OF_PATH) {
+        Some(start) if start.len() < path.len() => format!("{start}…"),
+        _ => path.to_owned(),
+    }
 }
 
 impl Kind {

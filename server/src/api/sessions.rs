@@ -111,6 +111,7 @@ async fn change(
     Found { id, live }: Found,
     Checked(patch): Checked<SessionPatch>,
 ) -> Result<Json<Session>, Failure> {
+    patch.fits(live.state().network)?;
     see_through(async move { live.patch(patch).await })
         .await?
         .map(Json)

@@ -1,4 +1,5 @@
-//! The theory on the command line: no server, no network, an answer on standard output.
+//! The theory on the command line, and the description of the interface: no server, no network, an answer on standard
+//! output.
 //!
 //! Each command answers as the call of the same name under `/api/v1` does: as a table for people, as CSV for spreadsheets and plots, or as
 //! the very JSON of the call. Progress and errors go to standard error.
@@ -23,6 +24,7 @@ use teleclay_proto::http::{Validate, parse};
 use teleclay_theory::Unanswered;
 
 use self::output::{Format, Table};
+use crate::api::description;
 
 /// What can be asked for without a server.
 #[derive(Clone, Debug, Subcommand)]
@@ -40,6 +42,8 @@ pub enum Offline {
     /// The lightest handle that keeps a margin
     #[command(visible_alias = "tuning")]
     Tune(tuning::Tune),
+    /// Print the description of the HTTP interface, as /api/v1/openapi.json has it
+    Openapi,
 }
 
 /// How an answer is printed.
@@ -114,6 +118,7 @@ impl Offline {
             Self::Experiment(command) => command.answer()?,
             Self::Workspace(command) => command.answer()?,
             Self::Tune(command) => command.answer()?,
+            Self::Openapi => Answer::json(&description(env!("CARGO_PKG_VERSION")))?,
         };
         match answer.write(out) {
             Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
@@ -146,6 +151,11 @@ impl Answer {
             Format::Csv => Form::Csv(csv(answer)),
             Format::Json => Form::Json(serde_json::to_string_pretty(answer)?),
         };
+        Ok(Self { text })
+    }
+
+    fn json<T: Serialize>(answer: &T) -> anyhow::Result<Self> {
+        let text = Form::Json(serde_json::to_string_pretty(answer)?);
         Ok(Self { text })
     }
 

@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use serde_json::Value;
+use teleclay_server::api::description;
 
 use crate::rig::shared;
 use crate::wire::Ask;
@@ -222,4 +223,16 @@ fn schemas_carry_limits_and_close_their_objects() {
             assert!(says, "{name}.{field} does not say what it is");
         }
     }
+}
+
+/// The dashboard takes its types from a copy, so that it can be built before the server is.
+#[test]
+fn the_dashboard_has_the_description_of_this_server() {
+    let copy = concat!(env!("CARGO_MANIFEST_DIR"), "/../client-web/openapi.json");
+    let copied: Value = serde_json::from_str(&std::fs::read_to_string(copy).unwrap()).unwrap();
+    let now = serde_json::to_value(description(env!("CARGO_PKG_VERSION"))).unwrap();
+    assert_eq!(
+        copied, now,
+        "client-web/openapi.json is another: cargo run --release --bin teleclay-server -- openapi > client-web/openapi.json"
+    );
 }

@@ -98,6 +98,8 @@ fn nothing_is_where_nothing_should_be() {
             (404, "no-such-path"),
             "{path}"
         );
+        let detail = answer.problem().detail;
+        assert!(detail.contains(path), "{path}: {detail}");
         let answer = site.send(&Ask::new("POST", path).json("{}"));
         let is_refused = matches!(
             (answer.status, &*answer.word()),
@@ -128,6 +130,10 @@ fn names_in_paths_are_names_or_name_nothing() {
                 (404, "no-such-session"),
                 "{method} {path}"
             );
+            let detail = answer.problem().detail;
+            let (named, _) = path.split_at(path.len().min(200));
+            assert!(detail.starts_with(named), "{method} {path}: {detail}");
+            assert!(detail.len() < 400, "a detail repeats all of a long path");
         }
     }
     for name in ["%ff", "a%80", "%ed%a0%80"] {
@@ -171,6 +177,9 @@ fn a_method_that_is_not_offered_is_told_which_are() {
             // What answers a HEAD has no body to look at.
             if method != "HEAD" {
                 assert_eq!(answer.word(), "method");
+                let detail = answer.problem().detail;
+                let wanted = format!("{path} does not offer {method}");
+                assert_eq!(detail, wanted, "{method} {path}");
             }
         }
     }

@@ -67,7 +67,11 @@ impl Stream {
         self.0.read().unwrap()
     }
 
-    fn say(&mut self, text: &Value) {
+    pub(crate) fn socket(&mut self) -> &mut WebSocket<TcpStream> {
+        &mut self.0
+    }
+
+    pub(crate) fn say(&mut self, text: &Value) {
         self.0.send(Message::text(text.to_string())).unwrap();
     }
 

@@ -9,7 +9,7 @@ use crate::demo::PROGRAMS;
 use crate::process::{answer, command, run};
 use crate::tools::{WASM, install_chromium, install_wasm_target, require_node};
 use crate::workspace::{cargo, program, root, target};
-use crate::{dashboard, python, release};
+use crate::{dashboard, promtool, python, release};
 
 /// One check that passes or fails as a whole.
 pub(super) struct Step {
@@ -41,7 +41,7 @@ pub(super) const STEPS: [Step; 17] = [
     step("golden", "native code and WebAssembly get the same bits", golden_step),
     step("test", "every Rust test, unit and integration; the wire's vectors", test),
     step("doctest", "examples in the documentation of the code", doctest),
-    step("python", "the mathematics against python-control, mpmath, scipy and fractions", python_step),
+    step("python", "the mathematics against python-control, mpmath, scipy and fractions; answers against their schemas", python_step),
     step("browser", "the dashboard in Chromium against real processes", browser),
     step("demo", "20 seconds of cargo demo", demo),
     step("tidy", "the checks left the checkout as it was", tidy),
@@ -51,6 +51,7 @@ fn tools() -> Result<()> {
     require_node()?;
     install_wasm_target()?;
     install_chromium()?;
+    promtool::install()?;
     python::install()?;
     dashboard::install()
 }
@@ -131,9 +132,13 @@ fn test() -> Result<()> {
     } else {
         ("test", " --lib --bins --tests")
     };
-    cargo_with(&format!(
-        "{how} --release --workspace --locked --no-fail-fast{which}"
-    ))
+    let arguments = format!("{how} --release --workspace --locked --no-fail-fast{which}");
+    let mut tests = command(cargo());
+    tests.args(arguments.split(' '));
+    if let Some(promtool) = promtool::program() {
+        tests.env(promtool::VARIABLE, promtool);
+    }
+    run(&mut tests)
 }
 
 /// Apart from the tests, as nextest does not run them.
@@ -141,7 +146,8 @@ fn doctest() -> Result<()> {
     cargo_with("test --release --workspace --locked --doc")
 }
 
-/// Other people's mathematics about the same loops, robots, plants and experiments.
+/// Other people's mathematics about the same loops, robots, plants and experiments; and other people's reading of the
+/// interface's schemas.
 fn python_step() -> Result<()> {
     python::install()?;
     // Of the whole workspace, so that nothing is compiled again with other features.
@@ -153,7 +159,8 @@ fn python_step() -> Result<()> {
     };
     run(script("references.py").arg(root()))?;
     run(script("python_control.py").arg(program("examples/analyse_loops")))?;
-    run(script("exact_loops.py").arg(program("examples/analyse_loops")))
+    run(script("exact_loops.py").arg(program("examples/analyse_loops")))?;
+    run(script("interface.py").arg(program("teleclay-server")))
 }
 
 fn browser() -> Result<()> {

@@ -2,11 +2,28 @@
 
 import type { JSX } from "preact";
 import { Choice } from "../choice";
+import { type Check, within } from "../number/entry";
+import type { Named } from "../number/refusal";
+import { say } from "../number/typed";
 import { NumberInput } from "../number_input";
 import { decades } from "../slider_scale";
 import { theory } from "../store";
 import { ValueField } from "../value_field";
 import { change, MOST_RANGES, PAPER, request, settings, withoutRange, withRange } from "./model";
+
+/** Beyond, the server takes no edge. */
+const FARTHEST_M = 10;
+
+/** What the server may find at fault, as people see it here. */
+export const FIELDS: Readonly<Record<string, Named>> = {
+  "/hand_force_n": { label: "force f_h", unit: "N", factor: 1 },
+  "/virtual_mass_kg": { label: "mass M", unit: "kg", factor: 1 },
+  "/virtual_damping_n_s_per_m": { label: "damp. B", unit: "N·s/m", factor: 1 },
+  "/position_ratio": { label: "A_h1", unit: "tool/hand", factor: 1 },
+  "/force_ratio": { label: "A_h2", unit: "clay/hand", factor: 1 },
+  "/edges_m": { label: "edges", unit: "cm", factor: 100 },
+  "/clay_damping_n_s_per_m": { label: "clay B_i", unit: "N·s/m", factor: 1 },
+};
 
 export function ExperimentControls(): JSX.Element {
   const asking = theory.cutting.asked.value.phase === "asking";
@@ -69,14 +86,14 @@ function Ranges(): JSX.Element {
             <tr key={n}>
               <td>
                 {n === 0
-                  ? <NumberInput name="edge-0" label="first edge, cm" value={edges[0]} factor={100} check={before(edges[1])} onWish={(value) => setEdge(0, value)} />
+                  ? <NumberInput name="edge-0" label="first edge, cm" value={edges[0]} unit="cm" factor={100} check={between(Number.NEGATIVE_INFINITY, edges[1])} onWish={(value) => setEdge(0, value)} />
                   : <span class="faint">{Number((100 * edges[n]).toPrecision(6))}</span>}
               </td>
               <td>
-                <NumberInput name={`edge-${n + 1}`} label={`end of range ${n + 1}, cm`} value={edges[n + 1]} factor={100} check={between(edges[n], edges[n + 2])} onWish={(value) => setEdge(n + 1, value)} />
+                <NumberInput name={`edge-${n + 1}`} label={`end of range ${n + 1}, cm`} value={edges[n + 1]} unit="cm" factor={100} check={between(edges[n], edges[n + 2] ?? Number.POSITIVE_INFINITY)} onWish={(value) => setEdge(n + 1, value)} />
               </td>
               <td>
-                <NumberInput name={`clay-${n}`} label={`clay damping of range ${n + 1}`} value={damping} factor={1} check={within(0, 1e6)} onWish={(value) => setClay(n, value)} />
+                <NumberInput name={`clay-${n}`} label={`clay damping of range ${n + 1}`} value={damping} unit="N·s/m" factor={1} check={within(0, 1e6)} onWish={(value) => setClay(n, value)} />
               </td>
             </tr>
           ))}
@@ -86,14 +103,11 @@ function Ranges(): JSX.Element {
   );
 }
 
-function within(least: number, greatest: number): (value: number) => string | undefined {
-  return (value) => (least <= value && value <= greatest ? undefined : `from ${least} to ${greatest}`);
-}
-
-function before(next_m: number): (value: number) => string | undefined {
-  return (value) => (value < next_m ? undefined : `must lie before ${100 * next_m} cm`);
-}
-
-function between(last_m: number, next_m: number | undefined): (value: number) => string | undefined {
-  return (value) => (last_m < value && (next_m === undefined || value < next_m) ? undefined : "edges must ascend");
+/** An edge lies above the one before it and below the next. */
+function between(last_m: number, next_m: number): Check {
+  return (edge_m, unit) => {
+    if (edge_m <= last_m) return `${say(edge_m, unit)} is not above ${say(last_m, unit)}, the edge before it`;
+    if (next_m <= edge_m) return `${say(edge_m, unit)} is not below ${say(next_m, unit)}, the next edge`;
+    return within(-FARTHEST_M, FARTHEST_M)(edge_m, unit);
+  };
 }

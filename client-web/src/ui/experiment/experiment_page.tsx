@@ -6,8 +6,9 @@ import { Choice } from "../choice";
 import { download } from "../download";
 import { FigureView } from "../figure_view";
 import { fixed } from "../format";
+import { problemIn } from "../number/refusal";
 import { theory } from "../store";
-import { ExperimentControls } from "./experiment_controls";
+import { ExperimentControls, FIELDS } from "./experiment_controls";
 import { fig7, liveFig7 } from "./figure";
 import { LivePassages, liveRun, LiveStanding, useLiveRun } from "./live_run";
 import { request, source } from "./model";
@@ -63,7 +64,7 @@ function RunStanding(): JSX.Element {
     <div class="standing" aria-live="polite">
       {phase === "idle" && <p>The theory alone so far. <em>Run</em> cuts the stepped block in virtual time, through the same clay as the sessions.</p>}
       {phase === "asking" && <p><i class="spinner" aria-hidden="true" /> The blade goes through the clay …</p>}
-      {phase === "refused" && <p class="refusal" role="alert" data-testid="cutting-refusal">{problem?.detail}</p>}
+      {phase === "refused" && <p class="refusal" role="alert" data-testid="cutting-refusal">{problem === undefined ? "" : problemIn(FIELDS, problem)}</p>}
       {phase === "away" && <p class="refusal" role="alert">The server did not answer.</p>}
       {phase === "answered" && answer !== undefined && (
         <p data-testid="cutting-done">

@@ -7,6 +7,7 @@ import { Channel } from "../../protocol/telemetry";
 import { ClayView, type Look, type ViewColours } from "../../scene/view";
 import { onFrame } from "../frame";
 import { wantedQuality } from "../picture_quality";
+import { DRAWN, SceneCanvas, type Standing } from "../scene_canvas";
 import { clayFeed, live } from "../store";
 import { isDark } from "../theme";
 import { arrowScale } from "./arrow_scale";
@@ -18,67 +19,55 @@ const TRAIL_S = 4;
 const TRAIL_STEP_S = 0.012;
 
 export function ClayPanel(): JSX.Element {
-  const canvas = useRef<HTMLCanvasElement>(null);
-  const view = useRef<ClayView | undefined>(undefined);
-  const missing = useSignal<string | undefined>(undefined);
+  const view = useSignal<ClayView | undefined>(undefined);
+  const standing = useSignal<Standing>(DRAWN);
   const mm_per_n = useSignal(10);
   const drawn = useSignal({ frames_per_s: 0, triangles: 0, resolution: 1, others: 0 });
+  const panel = useRef<HTMLElement>(null);
 
-  useEffect(() => {
-    if (canvas.current === null) return undefined;
-    let created: ClayView;
-    try {
-      created = new ClayView(canvas.current, wantedQuality());
-    } catch (error) {
-      missing.value = error instanceof Error ? error.message : String(error);
-      return undefined;
-    }
-    view.current = created;
-    const ends = [
-      clayFeed.watch((update) => created.applyClay(update)),
-      followSize(canvas.current, created),
-      followLoop(created, mm_per_n, drawn),
-    ];
-    return () => {
-      for (const end of ends) end();
-      view.current = undefined;
-      created.dispose();
-    };
-  }, []);
   // The style sheet has followed the theme by the time that effects run; a canvas has to be told.
   useEffect(() => {
-    if (canvas.current !== null) view.current?.setColours(coloursOf(canvas.current), isDark.value);
-  }, [isDark.value]);
+    if (panel.current !== null) view.value?.setColours(coloursOf(panel.current), isDark.value);
+  }, [isDark.value, view.value]);
   const tool = useComputed(() => live.session.value?.tool);
   const block = useComputed(() => live.session.value?.clay.shape);
   useSignalEffect(() => {
-    if (tool.value !== undefined) view.current?.setTool(tool.value);
+    if (tool.value !== undefined) view.value?.setTool(tool.value);
   });
   useSignalEffect(() => {
-    if (block.value !== undefined) view.current?.setBlock(blockOf(block.value));
+    if (block.value !== undefined) view.value?.setBlock(blockOf(block.value));
   });
 
   return (
-    <section class="panel clay" aria-label="Clay">
-      <canvas
-        ref={canvas}
-        role="img"
-        tabIndex={0}
-        aria-label="The clay as it is being cut, with the tool and the forces on it. Arrow keys move the view, with shift they turn it"
-        data-testid="clay"
+    <section class="panel clay" aria-label="Clay" ref={panel}>
+      <SceneCanvas
+        test="clay"
+        label="The clay as it is being cut, with the tool and the forces on it. Arrow keys move the view, with shift they turn it"
+        make={(canvas, sight) => new ClayView(canvas, wantedQuality(), sight)}
+        run={(created, canvas) => {
+          const ends = [
+            clayFeed.watch((update) => created.applyClay(update)),
+            followSize(canvas, created),
+            followLoop(created, mm_per_n, drawn),
+          ];
+          return () => {
+            for (const end of ends) end();
+          };
+        }}
+        view={view}
+        standing={standing}
       />
-      {missing.value !== undefined && <p class="missing">No 3-D picture here: {missing.value}</p>}
       <Forces />
       <SituationCard />
       <div class="looks" role="group" aria-label="Look from">
         {looks.map((look) => (
-          <button key={look} type="button" onClick={() => view.current?.look(look)}>{look}</button>
+          <button key={look} type="button" onClick={() => view.peek()?.look(look)}>{look}</button>
         ))}
       </div>
       <div class="scale">
         <ArrowKey mm_per_n={mm_per_n.value} />
-        <span class="faint" data-testid="drawn" data-frames={drawn.value.frames_per_s} data-triangles={drawn.value.triangles} data-others={drawn.value.others}>
-          {drawn.value.frames_per_s} fps{drawn.value.resolution < 0.99 ? ` at ${Math.round(drawn.value.resolution * 100)} %` : ""}
+        <span class="faint" data-testid="drawn" data-frames={standing.value.name === "drawn" ? drawn.value.frames_per_s : 0} data-triangles={drawn.value.triangles} data-others={drawn.value.others}>
+          {paceOf(standing.value, drawn.value)}
         </span>
       </div>
     </section>
@@ -86,6 +75,13 @@ export function ClayPanel(): JSX.Element {
 }
 
 const looks: readonly Look[] = ["corner", "front", "side", "top"];
+
+/** How often the picture is drawn, or why it is not. */
+function paceOf(standing: Standing, { frames_per_s, resolution }: { frames_per_s: number; resolution: number }): string {
+  if (standing.name === "lost") return "no picture: graphics context lost";
+  if (standing.name === "missing") return "no picture";
+  return `${frames_per_s} fps${resolution < 0.99 ? ` at ${Math.round(resolution * 100)} %` : ""}`;
+}
 
 /** What the arrows' length means. */
 function ArrowKey({ mm_per_n }: { mm_per_n: number }): JSX.Element {

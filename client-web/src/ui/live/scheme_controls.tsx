@@ -43,17 +43,28 @@ const COPY_WORDS: Record<ToolState["copy"], { readonly grade: "good" | "warn"; r
   diverged: { grade: "warn", says: "The copy differs from the server's clay: the parts that differ are on their way." },
 };
 
+const REFUSAL_WORDS: Record<ToolState["refusal"], string> = {
+  none: "",
+  out_of_reach: "out of the tool's reach",
+  too_fast: "faster than the speed limit",
+  wrong_owner: "meant for an earlier server of the session",
+  wrong_epoch: "in an earlier block of clay",
+  paused: "while the session was paused",
+  fault: "while the session was in fault",
+};
+
 /** What the copy is good for, and what it hides. */
 function CopyLine(): JSX.Element | null {
   const tool = live.tool.value;
   if (tool?.connected !== true) return null;
   const { grade, says } = COPY_WORDS[tool.copy];
-  const { sweeps_refused: refused } = tool;
+  const { sweeps_refused: refused, refusal } = tool;
+  const reason = refusal === "none" ? "" : `: ${refused === 1 ? "" : "the last was "}${REFUSAL_WORDS[refusal]}`;
   return (
     <>
       <p class="copy" data-grade={grade} data-testid="copy" data-copy={tool.copy}>
         <i class="dot" aria-hidden="true" /> {says}
-        {refused !== 0 && ` The server refused ${count(refused)} ${refused === 1 ? "cut" : "cuts"}.`}
+        {refused !== 0 && <span data-testid="refused" data-refusal={refusal}> The server refused {count(refused)} {refused === 1 ? "cut" : "cuts"}{reason}.</span>}
       </p>
       {tool.copy !== "none" && <CorrectionsLine {...tool.corrections} />}
     </>

@@ -4,6 +4,8 @@ import type { JSX } from "preact";
 import type { RobotGeometry } from "../../protocol/theory";
 import { Choice } from "../choice";
 import { fixed, significant } from "../format";
+import { within } from "../number/entry";
+import { problemIn } from "../number/refusal";
 import type { SliderScale } from "../slider_scale";
 import { theory } from "../store";
 import { ValueField } from "../value_field";
@@ -17,6 +19,11 @@ const LENGTHS: readonly { readonly name: Length; readonly label: string; readonl
   { name: "lower_link_m", label: "rods l_2", title: "the follower rods" },
 ];
 const AXES = ["x", "y", "z"] as const;
+/** What the server may find at fault, as people see it here. */
+const FIELDS = {
+  ...Object.fromEntries(LENGTHS.map(({ name, label }) => [`/geometry/${name}`, { label, unit: "mm", factor: 1000 }])),
+  "/position_m": { label: "position", unit: "mm", factor: 1000 },
+};
 
 export function RobotControls(): JSX.Element {
   return (
@@ -39,7 +46,7 @@ export function RobotControls(): JSX.Element {
           />
         </header>
         {source.value === "live"
-          ? <ValueField name="travel" label="travel" unit="plate/hand" title="the platform's travel over the handle's" factor={1} scale={range(0.1, 2)} value={travel.value} check={within(0.01, 10, 1)} onWish={(value) => { travel.value = value; }} />
+          ? <ValueField name="travel" label="travel" unit="plate/hand" title="the platform's travel over the handle's" factor={1} scale={range(0.1, 2)} value={travel.value} check={within(0.01, 10)} onWish={(value) => { travel.value = value; }} />
           : AXES.map((name, axis) => (
             <ValueField
               key={name}
@@ -49,7 +56,7 @@ export function RobotControls(): JSX.Element {
               factor={1000}
               scale={axis === 2 ? range(-0.3, 0.3) : range(-0.2, 0.2)}
               value={byHand_m.value[axis]}
-              check={within(-10, 10, 1000)}
+              check={within(-10, 10)}
               onWish={(value) => {
                 const [x, y, z] = byHand_m.value;
                 byHand_m.value = axis === 0 ? [value, y, z] : axis === 1 ? [x, value, z] : [x, y, value];
@@ -86,7 +93,7 @@ export function RobotControls(): JSX.Element {
             factor={1000}
             scale={range(0.01, 0.4)}
             value={geometry.value[name]}
-            check={within(name === "base_radius_m" || name === "platform_radius_m" ? 0 : 1e-3, 100, 1000)}
+            check={within(name === "base_radius_m" || name === "platform_radius_m" ? 0 : 1e-3, 100)}
             onWish={(value) => {
               const next: RobotGeometry = { ...geometry.value, [name]: value };
               geometry.value = next;
@@ -100,7 +107,7 @@ export function RobotControls(): JSX.Element {
 
 function Reach(): JSX.Element {
   const { answer, phase, problem } = theory.workspace.asked.value;
-  if (phase === "refused") return <p class="refusal" role="alert">{problem?.detail}</p>;
+  if (phase === "refused") return <p class="refusal" role="alert">{problem === undefined ? "" : problemIn(FIELDS, problem)}</p>;
   if (answer === undefined) return <p class="faint">{phase === "away" ? "The server does not answer." : "Mapping …"}</p>;
   return (
     <p class="faint" data-testid="reach" aria-busy={phase === "asking"}>
@@ -115,8 +122,4 @@ function range(least: number, greatest: number): SliderScale {
     toShare: (value) => Math.min(Math.max((value - least) / (greatest - least), 0), 1),
     toValue: (share) => Math.round(1000 * (least + share * (greatest - least))) / 1000,
   };
-}
-
-function within(least: number, greatest: number, factor: number): (value: number) => string | undefined {
-  return (value) => (least <= value && value <= greatest ? undefined : `from ${least * factor} to ${greatest * factor}`);
 }

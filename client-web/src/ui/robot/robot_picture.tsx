@@ -6,6 +6,7 @@ import { useEffect, useRef } from "preact/hooks";
 import { Channel } from "../../protocol/telemetry";
 import { RobotView, type RobotViewColours } from "../../scene/robot_view";
 import { onFrame } from "../frame";
+import { DRAWN, SceneCanvas, type Standing } from "../scene_canvas";
 import { live, theory } from "../store";
 import { isDark } from "../theme";
 import { arms, byHandle_m, geometry, platformAt, position_m, shown, source } from "./model";
@@ -14,65 +15,55 @@ const TRAIL_S = 6;
 const TRAIL_STEP_S = 0.02;
 
 export function RobotPicture(): JSX.Element {
-  const canvas = useRef<HTMLCanvasElement>(null);
-  const view = useRef<RobotView | undefined>(undefined);
-  const missing = useSignal<string | undefined>(undefined);
-  useEffect(() => {
-    const element = canvas.current;
-    if (element === null) return undefined;
-    let created: RobotView;
-    try {
-      created = new RobotView(element);
-    } catch (error) {
-      missing.value = error instanceof Error ? error.message : String(error);
-      return undefined;
-    }
-    view.current = created;
-    const frame = element.parentElement ?? element;
-    const observer = new ResizeObserver(() => {
-      created.resize(frame.clientWidth, frame.clientHeight, devicePixelRatio);
-      created.reset(reach());
-    });
-    observer.observe(frame);
-    const end = onFrame((now_ms) => {
-      followHandle(created, now_ms);
-      created.draw(now_ms);
-    });
-    return () => {
-      end();
-      observer.disconnect();
-      view.current = undefined;
-      created.dispose();
-    };
-  }, []);
+  const view = useSignal<RobotView | undefined>(undefined);
+  const standing = useSignal<Standing>(DRAWN);
+  const sight = useRef<HTMLDivElement>(null);
   useSignalEffect(() => {
     const { arms: poses, short } = arms.value;
-    view.current?.setPose({ geometry: geometry.value, position_m: position_m.value, arms: poses, short });
+    view.value?.setPose({ geometry: geometry.value, position_m: position_m.value, arms: poses, short });
   });
   useSignalEffect(() => {
     const { answer } = theory.workspace.asked.value;
-    view.current?.setWorkspace(answer === undefined ? undefined : {
+    view.value?.setWorkspace(answer === undefined ? undefined : {
       low_m: answer.region_m[0], high_m: answer.region_m[1], cells: answer.cells, dexterity: answer.dexterity,
     });
-    view.current?.showWorkspace(shown.value);
+    view.value?.showWorkspace(shown.value);
   });
   // The style sheet has followed the theme by the time that effects run; a canvas has to be told.
   useEffect(() => {
-    if (canvas.current !== null) view.current?.setColours(coloursOf(canvas.current));
-  }, [isDark.value]);
+    if (sight.current !== null) view.value?.setColours(coloursOf(sight.current));
+  }, [isDark.value, view.value]);
   return (
     <>
-      <canvas
-        ref={canvas}
-        role="img"
-        tabIndex={0}
-        aria-label="The robot's three arms and its platform. Arrow keys move the view, with shift they turn it"
-        data-testid="robot"
+      <SceneCanvas
+        test="robot"
+        label="The robot's three arms and its platform. Arrow keys move the view, with shift they turn it"
+        make={(canvas, sight) => new RobotView(canvas, sight)}
+        run={run}
+        view={view}
+        standing={standing}
       />
-      {missing.value !== undefined && <p class="missing">No 3-D picture here: {missing.value}</p>}
-      <div class="looks"><button type="button" onClick={() => view.current?.reset(reach())}>whole robot</button></div>
+      <div class="looks" ref={sight}><button type="button" onClick={() => view.peek()?.reset(reach())}>whole robot</button></div>
     </>
   );
+}
+
+/** Follows the size of the frame, and the handle. */
+function run(view: RobotView, canvas: HTMLCanvasElement): () => void {
+  const frame = canvas.parentElement ?? canvas;
+  const observer = new ResizeObserver(() => {
+    view.resize(frame.clientWidth, frame.clientHeight, devicePixelRatio);
+    if (view.sight === undefined) view.reset(reach());
+  });
+  observer.observe(frame);
+  const end = onFrame((now_ms) => {
+    followHandle(view, now_ms);
+    view.draw(now_ms);
+  });
+  return () => {
+    end();
+    observer.disconnect();
+  };
 }
 
 const reach = (): number => geometry.peek().upper_link_m + geometry.peek().lower_link_m;

@@ -2,6 +2,8 @@
 
 import type { JSX } from "preact";
 import { Choice } from "../choice";
+import { within } from "../number/entry";
+import type { Named } from "../number/refusal";
 import { decades, power } from "../slider_scale";
 import { type Quantity, ValueField } from "../value_field";
 import { type NumberSetting, PRESETS, round_trip_s, set, settings } from "./model";
@@ -26,6 +28,12 @@ const CLAY: readonly Row[] = [
   { setting: "clay_damping_n_s_per_m", label: "damping", unit: "N·s/m", factor: 1, scale: decades(1, 1000), least: 0, greatest: 1e6 },
   { setting: "clay_stiffness_n_per_m", label: "stiffness", unit: "N/m", factor: 1, scale: decades(1, 10_000), least: 0, greatest: 1e7 },
 ];
+
+/** What the server may find at fault, as people see it here. */
+export const FIELDS: Readonly<Record<string, Named>> = {
+  "/c_h1": { label: "handle", unit: "", factor: 1 },
+  ...Object.fromEntries([...RATIOS, ...CLAY].map(({ setting, label, unit, factor }) => [`/${setting}`, { label, unit, factor }])),
+};
 
 export function StabilityControls(): JSX.Element {
   return (
@@ -58,7 +66,7 @@ export function StabilityControls(): JSX.Element {
           factor={1000}
           scale={power(0.5, 2)}
           value={round_trip_s.value}
-          check={within(0, 10, 1000)}
+          check={within(0, 10)}
           onWish={(value) => { round_trip_s.value = value; }}
         />
       </div>
@@ -95,13 +103,8 @@ function field({ setting, least, greatest, ...quantity }: Row): JSX.Element {
       {...quantity}
       name={setting}
       value={settings.value[setting]}
-      check={within(least, greatest, quantity.factor)}
+      check={within(least, greatest)}
       onWish={(value) => set(setting, value)}
     />
   );
-}
-
-/** A check against bounds that says them in the unit of the field. */
-function within(least: number, greatest: number, factor: number): (value: number) => string | undefined {
-  return (value) => (least <= value && value <= greatest ? undefined : `from ${least * factor} to ${greatest * factor}`);
 }

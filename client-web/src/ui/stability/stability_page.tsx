@@ -13,7 +13,8 @@ import {
 } from "./figures";
 import { partsOf, question, round_trip_s, settings } from "./model";
 import { Margins } from "./margins";
-import { StabilityControls } from "./stability_controls";
+import { problemIn } from "../number/refusal";
+import { FIELDS, StabilityControls } from "./stability_controls";
 
 const WORDS: readonly { readonly value: LoopName; readonly text: string; readonly title: string }[] = [
   { value: "open", text: "no delay", title: "L = P (T_h + ρ T_t), what (33) asks about" },
@@ -93,7 +94,7 @@ function Sentence(): JSX.Element {
           <i class={`dash ${scheme}`} aria-hidden="true" /> {because}
         </p>
       ))}
-      {phase === "refused" && <p class="refusal" role="alert">{problem?.detail}{answer === undefined ? "" : " What is shown belongs to the last values that were taken."}</p>}
+      {phase === "refused" && <p class="refusal" role="alert">{problem === undefined ? "" : problemIn(FIELDS, problem)}{answer === undefined ? "" : " What is shown belongs to the last values that were taken."}</p>}
       {phase === "away" && answer !== undefined && <p class="refusal" role="alert">The server does not answer; what is shown belongs to the last values that were taken.</p>}
     </section>
   );

@@ -1,10 +1,12 @@
 //! The cutting experiment, Fig. 7.
 
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 use utoipa::ToSchema;
 
 use super::check_list;
-use crate::validate::{FieldError, Validate, check};
+use crate::http::schema::{Damping, Pair, Place};
+use crate::validate::{FieldError, Validate, check, whole_within};
+use crate::word::words;
 
 /// Most ranges of one experiment.
 pub const MAX_RANGES: usize = 32;
@@ -13,15 +15,17 @@ pub const MIN_TRACE_SAMPLES: u32 = 64;
 /// Most samples that a trace may be asked to hold.
 pub const MAX_TRACE_SAMPLES: u32 = 20_000;
 
-/// Where the hand's force acts.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, ToSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum HandForceAt {
-    /// The force at the sensor is constant, whatever the arm does: the theory's assumption.
-    #[default]
-    Sensor,
-    /// The muscles push with a constant force, and the arm takes its share (16).
-    Muscles,
+words! {
+    /// Where the hand's force acts.
+    #[derive(Default, ToSchema)]
+    #[serde(rename_all = "snake_case")]
+    pub enum HandForceAt: "place of the hand's force" {
+        /// The force at the sensor is constant, whatever the arm does: the theory's assumption.
+        #[default]
+        Sensor "sensor",
+        /// The muscles push with a constant force, and the arm takes its share (16).
+        Muscles "muscles",
+    }
 }
 
 /// An experiment to run. Positions are the handle's; dampings are per tool velocity.
@@ -44,10 +48,10 @@ pub struct CuttingRequest {
     #[schema(minimum = 1e-3, maximum = 100)]
     pub hand_force_n: f64,
     /// Handle positions at which the ranges begin and end, m: ascending, one more than there are dampings.
-    #[schema(min_items = 2, max_items = 33)]
+    #[schema(value_type = Vec<Place>, min_items = 2, max_items = 33)]
     pub edges_m: Vec<f64>,
     /// `B_i`, the clay's damping in each range, N·s/m; 0 is a gap.
-    #[schema(min_items = 1, max_items = 32)]
+    #[schema(value_type = Vec<Damping>, min_items = 1, max_items = 32)]
     pub clay_damping_n_s_per_m: Vec<f64>,
     /// Where the hand's force acts.
     #[serde(default)]
@@ -61,7 +65,7 @@ pub struct CuttingRequest {
     )]
     pub voxel_size_m: Option<f64>,
     /// Most samples of the trace, 64 to 20,000. It starts at 1 kHz and keeps every second sample whenever it is full.
-    #[serde(default = "usual_samples")]
+    #[serde(default = "usual_samples", deserialize_with = "samples")]
     #[schema(minimum = 64, maximum = 20000)]
     pub trace_samples: u32,
 }
@@ -77,6 +81,7 @@ pub struct CuttingAnswer {
     /// Greatest less least velocity over that part, over the mean.
     pub ripple: Vec<f64>,
     /// Handle positions between which it was measured, m.
+    #[schema(value_type = Vec<Pair>)]
     pub window_m: Vec<[f64; 2]>,
     /// Mean engaged area of the blade, m².
     pub engaged_area_m2: Vec<f64>,
@@ -172,6 +177,10 @@ impl Validate for CuttingRequest {
             f64::from(MIN_TRACE_SAMPLES)..=f64::from(MAX_TRACE_SAMPLES),
         )
     }
+}
+
+fn samples<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u32, D::Error> {
+    whole_within(deserializer, MIN_TRACE_SAMPLES..=MAX_TRACE_SAMPLES)
 }
 
 fn usual_samples() -> u32 {

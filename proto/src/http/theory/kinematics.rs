@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use super::check_finite;
+use crate::http::schema::{ArmAngles, Branch, Cells, Matrix, Position, Region, Vector};
 use crate::validate::{FieldError, Validate, check};
 
 /// Most cells of one workspace map.
@@ -31,6 +32,7 @@ pub struct RobotGeometry {
     #[schema(minimum = 1e-6, maximum = 1e6)]
     pub lower_link_m: f64,
     /// Directions of the arms on the base, degrees; no two alike.
+    #[schema(value_type = ArmAngles)]
     pub arm_angles_deg: [f64; 3],
 }
 
@@ -42,6 +44,7 @@ pub struct InverseRequest {
     #[serde(default)]
     pub geometry: RobotGeometry,
     /// Where the platform is to be, m.
+    #[schema(value_type = Position)]
     pub position_m: [f64; 3],
 }
 
@@ -59,8 +62,10 @@ pub struct InverseAnswer {
 #[serde(deny_unknown_fields)]
 pub struct BranchJoints {
     /// The signs `K_j`, each 1 or -1.
+    #[schema(value_type = Branch)]
     pub branch: [i64; 3],
     /// `rho_j`, rad, each above -pi and at most pi.
+    #[schema(value_type = Vector)]
     pub joints_rad: [f64; 3],
 }
 
@@ -72,6 +77,7 @@ pub struct ForwardRequest {
     #[serde(default)]
     pub geometry: RobotGeometry,
     /// `rho_j`, rad.
+    #[schema(value_type = Vector)]
     pub joints_rad: [f64; 3],
 }
 
@@ -80,8 +86,10 @@ pub struct ForwardRequest {
 #[serde(deny_unknown_fields)]
 pub struct ForwardAnswer {
     /// Both positions, m; they mirror each other in the plane of the elbows.
+    #[schema(value_type = [Vector; 2], min_items = 2, max_items = 2)]
     pub positions_m: [[f64; 3]; 2],
     /// The elbows of the three arms, m.
+    #[schema(value_type = Matrix)]
     pub elbows_m: [[f64; 3]; 3],
 }
 
@@ -93,8 +101,10 @@ pub struct JacobianRequest {
     #[serde(default)]
     pub geometry: RobotGeometry,
     /// Where the platform is, m.
+    #[schema(value_type = Position)]
     pub position_m: [f64; 3],
     /// The signs `K_j`, each 1 or -1.
+    #[schema(value_type = Branch)]
     pub branch: [i64; 3],
 }
 
@@ -103,14 +113,18 @@ pub struct JacobianRequest {
 #[serde(deny_unknown_fields)]
 pub struct JacobianAnswer {
     /// `J = K_r^-1 B_r` (15) by rows: from joint rates in rad/s to platform velocity in m/s.
+    #[schema(value_type = Matrix)]
     pub jacobian: [[f64; 3]; 3],
     /// Greatest over least singular value of `J`; 1 is best.
     pub condition_number: f64,
     /// `rho_j`, rad.
+    #[schema(value_type = Vector)]
     pub joints_rad: [f64; 3],
     /// The elbows of the three arms, m.
+    #[schema(value_type = Matrix)]
     pub elbows_m: [[f64; 3]; 3],
     /// How far each arm is from stretched or folded, from 0 (singular) to 1.
+    #[schema(value_type = Vector)]
     pub serial_measures: [f64; 3],
     /// How far the rods are from one plane, from 0 (singular) to 1.
     pub parallel_measure: f64,
@@ -125,10 +139,11 @@ pub struct WorkspaceRequest {
     pub geometry: RobotGeometry,
     /// The branch; elbows outwards above the base when left out.
     #[serde(default = "outwards")]
+    #[schema(value_type = Branch)]
     pub branch: [i64; 3],
     /// Corners of the box to map, least first, m; a box that holds everything in reach when left out. Flat in one direction it
     /// is a slice.
-    #[schema(nullable = false)]
+    #[schema(nullable = false, value_type = Region)]
     #[serde(
         default,
         skip_serializing_if = "Option::is_none",
@@ -137,6 +152,7 @@ pub struct WorkspaceRequest {
     pub region_m: Option<[[f64; 3]; 2]>,
     /// Cells along x, y and z, each at least 1 and 100,000 in all.
     #[serde(default = "some_cells")]
+    #[schema(value_type = Cells)]
     pub cells: [u32; 3],
 }
 
@@ -145,10 +161,13 @@ pub struct WorkspaceRequest {
 #[serde(deny_unknown_fields)]
 pub struct WorkspaceAnswer {
     /// Corners of the box that was mapped, least first, m.
+    #[schema(value_type = Region)]
     pub region_m: [[f64; 3]; 2],
     /// Cells along x, y and z.
+    #[schema(value_type = Cells)]
     pub cells: [u32; 3],
     /// The branch.
+    #[schema(value_type = Branch)]
     pub branch: [i64; 3],
     /// Inverse condition number at the centre of each cell, x fastest, then y, then z: from 0 at a singularity to 1; `null` out of
     /// reach.
@@ -158,6 +177,7 @@ pub struct WorkspaceAnswer {
     /// Volume of the reachable cells, m³; 0 for a slice.
     pub reachable_volume_m3: f64,
     /// Mean over the reachable cells; `null` where there are none.
+    #[schema(required)]
     pub mean_dexterity: Option<f64>,
 }
 

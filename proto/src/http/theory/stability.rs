@@ -4,7 +4,9 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use super::{ComplexPair, check_list};
+use crate::http::schema::{Frequency, Pair};
 use crate::validate::{FieldError, Validate, check};
+use crate::word::words;
 
 /// Most coefficients of a polynomial: of order 12.
 pub const MAX_COEFFICIENTS: usize = 13;
@@ -57,7 +59,7 @@ pub struct LoopRequest {
     /// Where the compensators are evaluated, rad/s, each above zero; 0.1, 1, 10, 60 and 300 when left out. The curves hold these points
     /// too.
     #[serde(default = "usual_omegas")]
-    #[schema(max_items = 2000)]
+    #[schema(value_type = Vec<Frequency>, max_items = 2000)]
     pub omegas_rad_s: Vec<f64>,
 }
 
@@ -70,15 +72,17 @@ pub struct LoopAnswer {
     /// Compensators that would have to differentiate: no machine can run them.
     pub improper_compensators: Vec<CompensatorName>,
     /// Roots of `1 + P (T_h + rho T_t)`, rad/s, by real part, then by imaginary part.
-    #[schema(value_type = Vec<[f64; 2]>)]
+    #[schema(value_type = Vec<Pair>)]
     pub closed_loop_poles: Vec<ComplexPair>,
     /// Whether all of them are left of the axis.
     pub stable_without_delay: bool,
     /// Round trip that the paper's own scheme bears, s; `null` unless the verdict is `finite`.
+    #[schema(required)]
     pub delay_margin_force_exchange_s: Option<f64>,
     /// What that margin is, or why there is none.
     pub delay_verdict_force_exchange: DelayVerdict,
     /// Round trip that position forward, force back bears, s; `null` unless the verdict is `finite`.
+    #[schema(required)]
     pub delay_margin_position_force_s: Option<f64>,
     /// What that margin is, or why there is none.
     pub delay_verdict_position_force: DelayVerdict,
@@ -86,16 +90,22 @@ pub struct LoopAnswer {
     pub small_gain_holds: bool,
     /// The greatest of `|L|`, what (34) compares with 1; `null` when unbounded, as with a pole of `L` at rest or on the
     /// imaginary axis.
+    #[schema(required)]
     pub small_gain_peak: Option<f64>,
     /// Least of `|1 + L|` (33): exact, 0 with a closed-loop pole on the imaginary axis; `null` when unbounded.
+    #[schema(required)]
     pub nyquist_min_distance: Option<f64>,
     /// Where, rad/s; `null` when it is a limit at infinite frequency.
+    #[schema(required)]
     pub nyquist_min_omega_rad_s: Option<f64>,
     /// Least factor above 1 on the loop gain that makes the loop lose its stability; `null` when none does.
+    #[schema(required)]
     pub gain_margin_increase: Option<GainMargin>,
     /// Greatest factor below 1 that does; `null` when none does.
+    #[schema(required)]
     pub gain_margin_decrease: Option<GainMargin>,
     /// Least turn of the curve that does; `null` when the gain is 1 at no frequency above zero.
+    #[schema(required)]
     pub phase_margin: Option<PhaseMargin>,
     /// `L` in the complex plane.
     pub nyquist: NyquistCurve,
@@ -110,45 +120,49 @@ pub struct CompensatorPoint {
     /// Frequency, rad/s.
     pub omega_rad_s: f64,
     /// `C_h1`.
-    #[schema(value_type = Option<[f64; 2]>)]
+    #[schema(required, value_type = Option<Pair>)]
     pub c_h1: Option<ComplexPair>,
     /// `C_t1` (30).
-    #[schema(value_type = Option<[f64; 2]>)]
+    #[schema(required, value_type = Option<Pair>)]
     pub c_t1: Option<ComplexPair>,
     /// `C_h2` (31).
-    #[schema(value_type = Option<[f64; 2]>)]
+    #[schema(required, value_type = Option<Pair>)]
     pub c_h2: Option<ComplexPair>,
     /// `C_t2` (32).
-    #[schema(value_type = Option<[f64; 2]>)]
+    #[schema(required, value_type = Option<Pair>)]
     pub c_t2: Option<ComplexPair>,
 }
 
-/// A compensator by its symbol.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, ToSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum CompensatorName {
-    /// Hand force to handle command.
-    CH1,
-    /// Clay force to handle command (30).
-    CT1,
-    /// Hand force to tool command (31).
-    CH2,
-    /// Clay force to tool command (32).
-    CT2,
+words! {
+    /// A compensator by its symbol.
+    #[derive(ToSchema)]
+    #[serde(rename_all = "snake_case")]
+    pub enum CompensatorName: "compensator" {
+        /// Hand force to handle command.
+        CH1 "c_h1",
+        /// Clay force to handle command (30).
+        CT1 "c_t1",
+        /// Hand force to tool command (31).
+        CH2 "c_h2",
+        /// Clay force to tool command (32).
+        CT2 "c_t2",
+    }
 }
 
-/// What a delay margin is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, ToSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum DelayVerdict {
-    /// Stable at every delay.
-    Unbounded,
-    /// Stable below the margin.
-    Finite,
-    /// Not stable even without delay.
-    UnstableWithoutDelay,
-    /// The two copies of the admittance part as soon as there is any delay.
-    UnstableAdmittance,
+words! {
+    /// What a delay margin is.
+    #[derive(ToSchema)]
+    #[serde(rename_all = "snake_case")]
+    pub enum DelayVerdict: "verdict" {
+        /// Stable at every delay.
+        Unbounded "unbounded",
+        /// Stable below the margin.
+        Finite "finite",
+        /// Not stable even without delay.
+        UnstableWithoutDelay "unstable_without_delay",
+        /// The two copies of the admittance part as soon as there is any delay.
+        UnstableAdmittance "unstable_admittance",
+    }
 }
 
 /// A factor on the loop gain, and where it bites.
@@ -158,6 +172,7 @@ pub struct GainMargin {
     /// The factor.
     pub factor: f64,
     /// Phase crossover, rad/s; `null` at infinite frequency.
+    #[schema(required)]
     pub omega_rad_s: Option<f64>,
 }
 

@@ -5,17 +5,21 @@ use utoipa::ToSchema;
 
 use super::stability::check_ratios;
 use super::{DelayVerdict, MAX_COEFFICIENTS, TransferFunction, check_list};
+use crate::http::schema::Span;
 use crate::validate::{FieldError, Validate, check};
+use crate::word::words;
 
-/// Which signals cross the network.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, ToSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum TunedScheme {
-    /// Each side integrates its own force and the other's: the paper's.
-    #[default]
-    ForceExchange,
-    /// Position goes forward, force comes back.
-    PositionForce,
+words! {
+    /// Which signals cross the network.
+    #[derive(Default, ToSchema)]
+    #[serde(rename_all = "snake_case")]
+    pub enum TunedScheme: "scheme" {
+        /// Each side integrates its own force and the other's: the paper's.
+        #[default]
+        ForceExchange "force_exchange",
+        /// Position goes forward, force comes back.
+        PositionForce "position_force",
+    }
 }
 
 /// What is wanted, and of which plants.
@@ -42,8 +46,10 @@ pub struct TuningRequest {
     #[schema(minimum = -1e6, maximum = -1e-6)]
     pub force_ratio: f64,
     /// Least and greatest viscous answer of the clay, N·s/m.
+    #[schema(value_type = Span)]
     pub clay_damping_n_s_per_m: [f64; 2],
     /// Least and greatest elastic answer of the clay, N/m.
+    #[schema(value_type = Span)]
     pub clay_stiffness_n_per_m: [f64; 2],
     /// What crosses the network.
     #[serde(default)]
@@ -72,6 +78,7 @@ pub struct TuningAnswer {
     /// Distance that it keeps in the least favourable clay, over every delay up to the target's.
     pub distance: f64,
     /// Shortest delay margin over the clay range, s; `null` when unbounded.
+    #[schema(required)]
     pub delay_margin_s: Option<f64>,
     /// What that margin is.
     pub delay_verdict: DelayVerdict,

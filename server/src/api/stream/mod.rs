@@ -62,9 +62,10 @@ refusals!(WatchRefusals: HANDSHAKE, NO_SUBPROTOCOL, PATH, NO_SUCH_SESSION, UPGRA
 /// several times a second; bricks and telemetry come once a `subscribe` asks for them. A message that is not acceptable is
 /// answered with a `problem` and nothing of it is done.
 ///
-/// A watcher costs at most 2 Mbit/s. One that reads slowly gets merged bricks and loses old telemetry, which is counted.
-/// The server closes with 4404 when the session has ended, with 4408 when a message could not be handed over within ten
-/// seconds, with 1009 when a message is too long, with 1002 or 1007 when one breaks the protocol.
+/// A watcher costs at most 2 Mbit/s. One that reads slowly gets merged bricks and loses old telemetry, which is
+/// counted. The server closes with 4404 when the session has ended, with 4408 when a message could not be handed over
+/// within ten seconds, with 1009 when a message is too long, with 1002 or 1007 when one breaks the protocol. A
+/// `problem` comes before 1009 and 1007.
 #[utoipa::path(
     get, path = "/sessions/{id}/stream", tag = "watching",
     params(

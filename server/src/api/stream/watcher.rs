@@ -12,10 +12,11 @@ use tokio::sync::broadcast::error::RecvError;
 use tokio::time::{MissedTickBehavior, interval, timeout};
 use tokio_tungstenite::tungstenite;
 
+use super::MAX_INCOMING;
 use super::bricks::Follower;
 use super::budget::Budget;
 use super::telemetry::Batcher;
-use crate::api::problem::{Failure, SYNTAX};
+use crate::api::problem::{Failure, SYNTAX, TOO_LARGE};
 use crate::api::sessions::change_failure;
 use crate::api::{Api, see_through};
 use crate::directory::{ChangeError, Live};
@@ -66,6 +67,22 @@ impl End {
             Self::TooLong => "too-long",
             Self::NotText => "not-text",
             Self::Protocol => "protocol",
+        }
+    }
+
+    /// Whether what comes next may be the middle of a message.
+    const fn lost_the_thread(self) -> bool {
+        matches!(self, Self::TooLong | Self::Protocol)
+    }
+
+    /// What was wrong with the watcher's last message, when that ends the stream.
+    fn problem(self) -> Option<Failure> {
+        match self {
+            Self::TooLong => {
+                Some(TOO_LARGE.because(format!("the message has more than {MAX_INCOMING} bytes")))
+            }
+            Self::NotText => Some(SYNTAX.because("a text message came that is not UTF-8")),
+            Self::Left | Self::Lost | Self::Slow | Self::Deleted | Self::Protocol => None,
         }
     }
 
@@ -125,11 +142,19 @@ impl Watcher {
     /// Serves the socket until it ends, and says goodbye.
     pub(super) async fn serve(mut self, mut socket: WebSocket) -> End {
         let Err(end) = self.converse(&mut socket).await;
+        if let Some(failure) = end.problem() {
+            // Whoever cannot hear this cannot hear the close either.
+            self.say(&mut socket, &problem(failure)).await.ok();
+        }
         if let Some(close_frame) = end.close_frame() {
             let goodbye = async {
                 let sent = socket.send(Message::Close(Some(close_frame))).await;
-                // A connection that is closed with unread bytes in it is reset, and the reason would be lost.
-                while sent.is_ok() && matches!(socket.recv().await, Some(Ok(_))) {}
+                // Where frames still begin and end where they should, the answer to the close can be told. The rest is
+                // the connection's to throw away, so that the reason is not lost with it.
+                while sent.is_ok()
+                    && !end.lost_the_thread()
+                    && matches!(socket.recv().await, Some(Ok(_)))
+                {}
             };
             // Whoever does not answer has heard it, or never will.
             timeout(CLOSE_TIMEOUT, goodbye).await.ok();
@@ -252,6 +277,11 @@ impl Watcher {
                 Ok(())
             }
             Ok(ClientText::Patch { session }) => {
+                if let Err(error) = session.fits(self.live.state().network) {
+                    return self
+                        .say(socket, &problem(error.under("/session").into()))
+                        .await;
+                }
                 let (live, id) = (self.live.clone(), self.id.clone());
                 let change = see_through(async move { live.patch(*session).await });
                 self.change = Some(Box::pin(async move { told(change.await, "/session", &id) }));
@@ -361,7 +391,6 @@ fn end_of(error: axum::Error) -> End {
 
 #[cfg(test)]
 mod tests {
-    use super::super::MAX_INCOMING;
     use super::*;
 
     #[test]
