@@ -100,7 +100,7 @@ fn a_word_is_a_text_in_the_answer_to_a_join() {
         parameters["scheme"] = scheme;
         parameters["tool"] = json!({ "kind": tool, "radius_m": 0.01 });
         json!({
-            "outcome": "granted", "lease": 1, "tool": 1, "lease_s": 2, "parameters": parameters, "slow_endpoint": null,
+            "outcome": "granted", "lease": 1, "ownership_epoch": 1, "node": "n", "tool": 1, "lease_s": 2, "parameters": parameters, "slow_endpoint": null,
             "clay": { "shape": { "kind": kind }, "voxel_size_m": 1e-3, "epoch": 0, "revision": 0 },
         })
     };

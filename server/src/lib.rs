@@ -7,7 +7,6 @@
 //! | [`directory`] | which sessions there are, and every way to change one |
 //! | [`network`] | Zenoh: frames, joining, slow state |
 //! | [`api`] | HTTP, WebSocket, OpenAPI, metrics, the dashboard |
-//! | [`offline`] | the same on the command line, without a server |
 //! | [`settings`] | defaults, file, environment, flags |
 
 pub mod api;
@@ -15,7 +14,6 @@ mod collector;
 pub mod directory;
 mod engine;
 pub mod network;
-pub mod offline;
 mod serve;
 mod session;
 pub mod settings;

@@ -5,6 +5,7 @@ use std::net::{SocketAddr, TcpStream};
 use std::process::ExitCode;
 use std::time::Duration;
 
+use teleclay_server::api;
 use teleclay_server::settings::{Arguments, Settings};
 
 fn main() -> ExitCode {
@@ -12,7 +13,7 @@ fn main() -> ExitCode {
     teleclay_shell::network::prepare_runtime();
     let arguments = Arguments::of_this_process();
     if let Some(offline) = &arguments.offline {
-        return match offline.run() {
+        return match offline.run(&api::description(env!("CARGO_PKG_VERSION"))) {
             Ok(()) => ExitCode::SUCCESS,
             Err(error) => failed(&error),
         };

@@ -9,11 +9,10 @@ use clap::{CommandFactory as _, FromArgMatches as _, Parser};
 use figment::Figment;
 use figment::providers::{Env, Format as _, Serialized, Toml};
 use serde::{Deserialize, Serialize};
+use teleclay_offline::Offline;
 use teleclay_proto::{NodeName, RealmName};
 use teleclay_shell::network::{is_loopback, neighbour};
 use teleclay_shell::ticker::Scheduling;
-
-use crate::offline::{self, Offline};
 
 /// A networked haptic tele-presence server: it holds the clay and the tool side of the loop.
 #[derive(Debug, Parser)]
@@ -64,7 +63,7 @@ pub struct Arguments {
 impl Arguments {
     /// Reads the command line of this process; ends it where that asks for help or cannot be read.
     pub fn of_this_process() -> Self {
-        let mut command = offline::rounded_off(Self::command());
+        let mut command = teleclay_offline::rounded_off(Self::command());
         let matches = command.get_matches_mut();
         Self::from_arg_matches(&matches).unwrap_or_else(|error| error.format(&mut command).exit())
     }

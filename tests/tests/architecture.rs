@@ -8,7 +8,7 @@ use std::process::Command;
 use serde_json::Value;
 
 /// Which rooms each room uses, tests of it included: exactly these.
-const USES: [(&str, &[&str]); 15] = [
+const USES: [(&str, &[&str]); 16] = [
     ("control", &[]),
     ("kinematics", &[]),
     ("clay", &[]),
@@ -32,6 +32,7 @@ const USES: [(&str, &[&str]); 15] = [
         ],
     ),
     ("theory", &["control", "kinematics", "proto", "sim"]),
+    ("offline", &["control", "proto", "theory"]),
     (
         "latency",
         &[
@@ -46,10 +47,10 @@ const USES: [(&str, &[&str]); 15] = [
             "clay",
             "control",
             "link",
+            "offline",
             "proto",
             "session",
             "shell",
-            "sim",
             "theory",
         ],
     ),

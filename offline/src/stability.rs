@@ -7,9 +7,9 @@ use teleclay_proto::http::theory::{
 };
 use teleclay_theory as theory;
 
-use super::output::{Cell, Table, rounded};
-use super::values::{list, number, printed, transfer_function};
-use super::{Answer, Input, Output};
+use crate::output::{Cell, Table, rounded};
+use crate::values::{list, number, printed, transfer_function};
+use crate::{Answer, Input, Output};
 
 /// A loop by its parts. Whatever is left out is the paper's, or ours where the paper leaves it open.
 #[derive(Clone, Debug, Args)]
@@ -42,7 +42,7 @@ pub struct Analyse {
 
 /// The plants that analysis and tuning share.
 #[derive(Clone, Debug, Args)]
-pub(super) struct Plants {
+pub(crate) struct Plants {
     /// Handle servo: x or y for the paper's, or coefficients such as 18,1/0.005,0.4,18,1
     #[arg(long, value_name = "NUM/DEN", default_value = "x", value_parser = transfer_function, allow_hyphen_values = true)]
     g_h: TransferFunction,
@@ -68,42 +68,42 @@ pub(super) struct Plants {
 
 /// A list of numbers as one option: the parser of options would take a bare list for several.
 #[derive(Clone, Debug)]
-pub(super) struct Numbers(pub(super) Vec<f64>);
+pub(crate) struct Numbers(pub(super) Vec<f64>);
 
 impl Numbers {
-    pub(super) fn parse(text: &str) -> Result<Self, String> {
+    pub(crate) fn parse(text: &str) -> Result<Self, String> {
         list(text).map(Self)
     }
 }
 
 impl Plants {
-    pub(super) fn g_h(&self) -> TransferFunction {
+    pub(crate) fn g_h(&self) -> TransferFunction {
         self.g_h.clone()
     }
 
-    pub(super) fn s_h(&self) -> TransferFunction {
+    pub(crate) fn s_h(&self) -> TransferFunction {
         self.s_h.clone()
     }
 
-    pub(super) fn t_h(&self) -> Vec<f64> {
+    pub(crate) fn t_h(&self) -> Vec<f64> {
         self.t_h.0.clone()
     }
 
-    pub(super) fn g_t(&self) -> TransferFunction {
+    pub(crate) fn g_t(&self) -> TransferFunction {
         self.g_t.clone()
     }
 
-    pub(super) fn s_t(&self) -> TransferFunction {
+    pub(crate) fn s_t(&self) -> TransferFunction {
         self.s_t.clone()
     }
 
-    pub(super) fn ratios(&self) -> (f64, f64) {
+    pub(crate) fn ratios(&self) -> (f64, f64) {
         (self.position_ratio, self.force_ratio)
     }
 }
 
 impl Analyse {
-    pub(super) fn answer(&self) -> anyhow::Result<Answer> {
+    pub(crate) fn answer(&self) -> anyhow::Result<Answer> {
         let request = self.input.request(|| self.request())?;
         let answer = theory::analyse(&request).map_err(|error| self.input.blame(error))?;
         Answer::new(self.output, &answer, tables, curve)
@@ -132,7 +132,7 @@ impl Analyse {
 }
 
 /// A delay margin in words.
-pub(super) fn margin_in_words(verdict: DelayVerdict, seconds: Option<f64>) -> String {
+pub(crate) fn margin_in_words(verdict: DelayVerdict, seconds: Option<f64>) -> String {
     match (verdict, seconds) {
         (DelayVerdict::Finite, Some(seconds)) => {
             format!("stable below a round trip of {} ms", rounded(1e3 * seconds))

@@ -4,7 +4,7 @@ use std::io::{self, Write};
 
 /// How an answer is printed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Format {
+pub(crate) enum Format {
     Table,
     Csv,
     Json,
@@ -12,14 +12,14 @@ pub(super) enum Format {
 
 /// Rows of cells under their headings.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Table {
+pub(crate) struct Table {
     headings: Vec<String>,
     rows: Vec<Vec<Cell>>,
 }
 
 /// What a cell holds. Numbers are rounded for people and exact in CSV.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) enum Cell {
+pub(crate) enum Cell {
     Number(f64),
     Count(usize),
     Text(String),
@@ -58,7 +58,7 @@ impl From<String> for Cell {
 
 impl Table {
     /// A table with these columns and no rows.
-    pub(super) fn new<const N: usize>(headings: [&str; N]) -> Self {
+    pub(crate) fn new<const N: usize>(headings: [&str; N]) -> Self {
         Self {
             headings: headings.map(str::to_owned).to_vec(),
             rows: Vec::new(),
@@ -66,12 +66,12 @@ impl Table {
     }
 
     /// One more row.
-    pub(super) fn row<const N: usize>(&mut self, cells: [Cell; N]) {
+    pub(crate) fn row<const N: usize>(&mut self, cells: [Cell; N]) {
         self.rows.push(cells.into());
     }
 
     /// Columns as wide as their widest cell; numbers to the right.
-    pub(super) fn write_aligned(&self, out: &mut dyn Write) -> io::Result<()> {
+    pub(crate) fn write_aligned(&self, out: &mut dyn Write) -> io::Result<()> {
         let mut lines = vec![self.headings.clone()];
         lines.extend(
             self.rows
@@ -108,7 +108,7 @@ impl Table {
     }
 
     /// A header and a line a row, every digit kept.
-    pub(super) fn write_csv(&self, out: &mut dyn Write) -> io::Result<()> {
+    pub(crate) fn write_csv(&self, out: &mut dyn Write) -> io::Result<()> {
         writeln!(out, "{}", self.headings.join(","))?;
         for row in &self.rows {
             let cells: Vec<String> = row.iter().map(Cell::exact).collect();
@@ -143,7 +143,7 @@ impl Cell {
 }
 
 /// Six significant digits, in powers of ten where the number is very large or very small.
-pub(super) fn rounded(value: f64) -> String {
+pub(crate) fn rounded(value: f64) -> String {
     const DIGITS: i32 = 6;
     let magnitude = value.abs();
     if magnitude <= 0.0 {

@@ -1,8 +1,7 @@
-//! The theory on the command line, and the description of the interface: no server, no network, an answer on standard
-//! output.
+//! The commands of `teleclay-server` that need no server and no network: the theory, and the description of the interface.
 //!
-//! Each command answers as the call of the same name under `/api/v1` does: as a table for people, as CSV for spreadsheets and plots, or as
-//! the very JSON of the call. Progress and errors go to standard error.
+//! Each command answers on standard output as the call of the same name under `/api/v1` does: as a table for people, as CSV
+//! for spreadsheets and plots, or as the very JSON of the call. Progress and errors go to standard error.
 
 mod experiment;
 mod kinematics;
@@ -24,7 +23,6 @@ use teleclay_proto::http::{Validate, parse};
 use teleclay_theory::Unanswered;
 
 use self::output::{Format, Table};
-use crate::api::description;
 
 /// What can be asked for without a server.
 #[derive(Clone, Debug, Subcommand)]
@@ -70,7 +68,8 @@ const OF_THE_OUTPUT: [&str; 3] = ["csv", "json", "help"];
 
 /// Rounds off the options of every command here: numbers may be below zero, so that they are refused for their value and not taken for
 /// an option; and a request from a file goes with no option that says otherwise.
-pub(crate) fn rounded_off(command: Command) -> Command {
+#[must_use]
+pub fn rounded_off(command: Command) -> Command {
     command.mut_subcommands(|command| {
         let others: Vec<clap::Id> = command
             .get_arguments()
@@ -93,13 +92,13 @@ pub(crate) fn rounded_off(command: Command) -> Command {
 const MAX_INPUT: u64 = 1 << 20;
 
 impl Offline {
-    /// Answers on standard output.
+    /// Answers on standard output; `interface` is the description of the HTTP interface.
     ///
     /// # Errors
     /// The request is none, or has no answer.
-    pub fn run(&self) -> anyhow::Result<()> {
+    pub fn run(&self, interface: &impl Serialize) -> anyhow::Result<()> {
         let mut out = io::BufWriter::new(io::stdout().lock());
-        self.write(&mut out)?;
+        self.write(&mut out, interface)?;
         match out.flush() {
             // Whoever read has seen enough: `| head`.
             Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
@@ -107,18 +106,18 @@ impl Offline {
         }
     }
 
-    /// Answers on `out`.
+    /// Answers on `out`; `interface` is the description of the HTTP interface.
     ///
     /// # Errors
     /// The request is none, has no answer, or `out` cannot be written to.
-    pub fn write(&self, out: &mut dyn Write) -> anyhow::Result<()> {
+    pub fn write(&self, out: &mut dyn Write, interface: &impl Serialize) -> anyhow::Result<()> {
         let answer = match self {
             Self::Kinematics(command) => command.answer()?,
             Self::Analyse(command) => command.answer()?,
             Self::Experiment(command) => command.answer()?,
             Self::Workspace(command) => command.answer()?,
             Self::Tune(command) => command.answer()?,
-            Self::Openapi => Answer::json(&description(env!("CARGO_PKG_VERSION")))?,
+            Self::Openapi => Answer::json(interface)?,
         };
         match answer.write(out) {
             Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),

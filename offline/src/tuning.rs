@@ -6,11 +6,11 @@ use clap::{Args, ValueEnum};
 use teleclay_proto::http::theory::{TunedScheme, TuningAnswer, TuningRequest};
 use teleclay_theory as theory;
 
-use super::output::Table;
-use super::progress::Showing;
-use super::stability::{Plants, margin_in_words};
-use super::values::{number, range};
-use super::{Answer, Input, Output};
+use crate::output::Table;
+use crate::progress::Showing;
+use crate::stability::{Plants, margin_in_words};
+use crate::values::{number, range};
+use crate::{Answer, Input, Output};
 
 /// A target for a handle. Plants that are left out are the paper's, or ours where the paper leaves them open.
 #[derive(Clone, Debug, Args)]
@@ -52,7 +52,7 @@ enum Scheme {
 }
 
 impl Tune {
-    pub(super) fn answer(&self) -> anyhow::Result<Answer> {
+    pub(crate) fn answer(&self) -> anyhow::Result<Answer> {
         let request = self.input.request(|| Ok(self.request()))?;
         let mut showing = Showing::new("tuning");
         let answer = theory::tune(&request, || {

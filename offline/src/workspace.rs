@@ -4,11 +4,11 @@ use clap::Args;
 use teleclay_proto::http::theory::{WorkspaceAnswer, WorkspaceRequest};
 use teleclay_theory as theory;
 
-use super::kinematics::Robot;
-use super::output::Table;
-use super::progress::Showing;
-use super::values::{counts, signs, triple};
-use super::{Answer, Input, Output};
+use crate::kinematics::Robot;
+use crate::output::Table;
+use crate::progress::Showing;
+use crate::values::{counts, signs, triple};
+use crate::{Answer, Input, Output};
 
 /// A map of the workspace. Dexterity is the inverse condition number: 1 where the platform moves alike in all directions, 0 at a
 /// singularity.
@@ -35,7 +35,7 @@ pub struct Workspace {
 }
 
 impl Workspace {
-    pub(super) fn answer(&self) -> anyhow::Result<Answer> {
+    pub(crate) fn answer(&self) -> anyhow::Result<Answer> {
         let request = self.input.request(|| {
             Ok(WorkspaceRequest {
                 geometry: self.robot.geometry(),

@@ -7,11 +7,11 @@ use teleclay_control::paper;
 use teleclay_proto::http::theory::{CuttingAnswer, CuttingRequest, HandForceAt};
 use teleclay_theory as theory;
 
-use super::output::Table;
-use super::progress::Showing;
-use super::stability::Numbers;
-use super::values::number;
-use super::{Answer, Input, Output};
+use crate::output::Table;
+use crate::progress::Showing;
+use crate::stability::Numbers;
+use crate::values::number;
+use crate::{Answer, Input, Output};
 
 /// The cutting experiment. Whatever is left out is that of Fig. 7.
 #[derive(Clone, Debug, Args)]
@@ -63,7 +63,7 @@ enum At {
 }
 
 impl Experiment {
-    pub(super) fn answer(&self) -> anyhow::Result<Answer> {
+    pub(crate) fn answer(&self) -> anyhow::Result<Answer> {
         let request = self.input.request(|| Ok(self.request()))?;
         let mut showing = Showing::new("cutting");
         let answer = theory::cutting(&request, |progress| {

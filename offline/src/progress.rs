@@ -11,7 +11,7 @@ const QUIET: Duration = Duration::from_secs(1);
 const BETWEEN_LINES: Duration = Duration::from_secs(2);
 
 /// A bar on a terminal, a line now and then elsewhere, nothing for what is quick.
-pub(super) struct Showing {
+pub(crate) struct Showing {
     what: &'static str,
     began: Instant,
     last_line: Instant,
@@ -21,7 +21,7 @@ pub(super) struct Showing {
 
 impl Showing {
     /// Nothing to see yet.
-    pub(super) fn new(what: &'static str) -> Self {
+    pub(crate) fn new(what: &'static str) -> Self {
         let now = Instant::now();
         Self {
             what,
@@ -33,7 +33,7 @@ impl Showing {
     }
 
     /// `share` of the work is done, 0 to 1.
-    pub(super) fn at(&mut self, share: f64) {
+    pub(crate) fn at(&mut self, share: f64) {
         const STEPS: u64 = 1000;
         self.show(format!("{:.0} %", 100.0 * share), |what| {
             let style = ProgressStyle::with_template("{msg} {wide_bar} {percent:>3} % {eta}");
@@ -46,7 +46,7 @@ impl Showing {
     }
 
     /// The work goes on, and nobody knows for how long.
-    pub(super) fn still(&mut self) {
+    pub(crate) fn still(&mut self) {
         let took = format!("{:.0} s", self.began.elapsed().as_secs_f64());
         self.show(took, |what| ProgressBar::new_spinner().with_message(what));
         if let Some(bar) = &self.bar {

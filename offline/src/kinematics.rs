@@ -6,9 +6,9 @@ use teleclay_proto::http::theory::{
 };
 use teleclay_theory as theory;
 
-use super::output::Table;
-use super::values::{number, signs, triple};
-use super::{Answer, Input, Output};
+use crate::output::Table;
+use crate::values::{number, signs, triple};
+use crate::{Answer, Input, Output};
 
 /// The robot's kinematics.
 #[derive(Clone, Debug, Subcommand)]
@@ -68,7 +68,7 @@ pub struct Jacobian {
 
 /// The robot's dimensions.
 #[derive(Clone, Copy, Debug, Args)]
-pub(super) struct Robot {
+pub(crate) struct Robot {
     /// From the centre of the base to the joints, m
     #[arg(long, value_name = "M", default_value_t = RobotGeometry::default().base_radius_m, value_parser = number)]
     base_radius_m: f64,
@@ -87,7 +87,7 @@ pub(super) struct Robot {
 }
 
 impl Robot {
-    pub(super) fn geometry(&self) -> RobotGeometry {
+    pub(crate) fn geometry(&self) -> RobotGeometry {
         RobotGeometry {
             base_radius_m: self.base_radius_m,
             platform_radius_m: self.platform_radius_m,
@@ -99,7 +99,7 @@ impl Robot {
 }
 
 impl Kinematics {
-    pub(super) fn answer(&self) -> anyhow::Result<Answer> {
+    pub(crate) fn answer(&self) -> anyhow::Result<Answer> {
         match self {
             Self::Inverse(command) => command.answer(),
             Self::Forward(command) => command.answer(),

@@ -4,7 +4,7 @@ use teleclay_control::{RationalFunction, paper};
 use teleclay_proto::http::theory::TransferFunction;
 
 /// One number.
-pub(super) fn number(text: &str) -> Result<f64, String> {
+pub(crate) fn number(text: &str) -> Result<f64, String> {
     let text = text.trim();
     if text.is_empty() {
         return Err("a number is missing".to_owned());
@@ -20,12 +20,12 @@ pub(super) fn number(text: &str) -> Result<f64, String> {
 }
 
 /// Numbers with commas between them: `0.25,2,6`.
-pub(super) fn list(text: &str) -> Result<Vec<f64>, String> {
+pub(crate) fn list(text: &str) -> Result<Vec<f64>, String> {
     text.split(',').map(number).collect()
 }
 
 /// Three numbers: `0,0,0.15`.
-pub(super) fn triple(text: &str) -> Result<[f64; 3], String> {
+pub(crate) fn triple(text: &str) -> Result<[f64; 3], String> {
     let numbers = list(text)?;
     let count = numbers.len();
     numbers
@@ -34,7 +34,7 @@ pub(super) fn triple(text: &str) -> Result<[f64; 3], String> {
 }
 
 /// Three signs: `1,-1,1`.
-pub(super) fn signs(text: &str) -> Result<[i64; 3], String> {
+pub(crate) fn signs(text: &str) -> Result<[i64; 3], String> {
     let sign = |part: &str| match part.trim() {
         "1" | "+1" | "+" => Ok(1),
         "-1" | "-" => Ok(-1),
@@ -48,7 +48,7 @@ pub(super) fn signs(text: &str) -> Result<[i64; 3], String> {
 }
 
 /// Three counts: `32,32,16`, or one for all three.
-pub(super) fn counts(text: &str) -> Result<[u32; 3], String> {
+pub(crate) fn counts(text: &str) -> Result<[u32; 3], String> {
     let count = |part: &str| {
         part.trim()
             .parse()
@@ -64,7 +64,7 @@ pub(super) fn counts(text: &str) -> Result<[u32; 3], String> {
 
 /// A rational function of `s`, coefficients from the highest power on: `18,1/0.005,0.4,18,1`, or a polynomial without the stroke; `x` and
 /// `y` are the paper's servos.
-pub(super) fn transfer_function(text: &str) -> Result<TransferFunction, String> {
+pub(crate) fn transfer_function(text: &str) -> Result<TransferFunction, String> {
     match text.trim() {
         "x" => return Ok(printed(&paper::g_hx())),
         "y" => return Ok(printed(&paper::g_hy())),
@@ -83,7 +83,7 @@ pub(super) fn transfer_function(text: &str) -> Result<TransferFunction, String> 
 }
 
 /// Least and greatest: `0..60`, or one number for both.
-pub(super) fn range(text: &str) -> Result<[f64; 2], String> {
+pub(crate) fn range(text: &str) -> Result<[f64; 2], String> {
     let (least, greatest) = text.split_once("..").unwrap_or((text, text));
     match (&*list(least)?, &*list(greatest)?) {
         (&[least], &[greatest]) => Ok([least, greatest]),
@@ -92,7 +92,7 @@ pub(super) fn range(text: &str) -> Result<[f64; 2], String> {
 }
 
 /// The coefficients of a function, for a request.
-pub(super) fn printed(function: &RationalFunction) -> TransferFunction {
+pub(crate) fn printed(function: &RationalFunction) -> TransferFunction {
     TransferFunction {
         numerator: function.numerator().coefficients().to_vec(),
         denominator: function.denominator().coefficients().to_vec(),
