@@ -72,13 +72,13 @@ impl Validate for ToolDescription {
 #[serde(deny_unknown_fields, expecting = "an object that describes a tool")]
 struct RawTool {
     kind: RawKind,
-    #[serde(default, deserialize_with = "crate::http::present")]
+    #[serde(default, deserialize_with = "crate::validate::present")]
     radius_m: Option<f64>,
-    #[serde(default, deserialize_with = "crate::http::present")]
+    #[serde(default, deserialize_with = "crate::validate::present")]
     width_m: Option<f64>,
-    #[serde(default, deserialize_with = "crate::http::present")]
+    #[serde(default, deserialize_with = "crate::validate::present")]
     height_m: Option<f64>,
-    #[serde(default, deserialize_with = "crate::http::present")]
+    #[serde(default, deserialize_with = "crate::validate::present")]
     thickness_m: Option<f64>,
 }
 

@@ -3,6 +3,7 @@
 use std::fmt::{self, Display};
 use std::ops::RangeInclusive;
 
+use serde::Deserialize;
 use serde::de::{self, Deserializer, Unexpected, Visitor};
 
 /// A field that does not hold what it should.
@@ -75,6 +76,16 @@ pub(crate) fn check(
             readable(most)
         ),
     ))
+}
+
+/// Reads a field that is there. With serde's own `Option` a `null` would pass for a field left out; here it is an error,
+/// except where `null` itself is a value.
+pub(crate) fn present<'de, D, T>(deserializer: D) -> Result<Option<T>, D::Error>
+where
+    D: Deserializer<'de>,
+    T: Deserialize<'de>,
+{
+    T::deserialize(deserializer).map(Some)
 }
 
 /// Reads a whole number within `range`.

@@ -10,11 +10,11 @@ use std::time::Duration;
 
 use rtrb::{Consumer, Producer, RingBuffer};
 use teleclay_bilateral::{ToolSide, ToolView};
-use teleclay_clay::BrickView;
+use teleclay_clay::{BrickView, Clay};
 use teleclay_link::arrivals::ArrivalCounts;
 use teleclay_link::time::Timestamp;
 use teleclay_proto::frame::{HandleFrame, ToolFrame};
-use teleclay_proto::http::MAX_TOOLS;
+use teleclay_proto::http::{ClayShape, MAX_TOOLS};
 use teleclay_proto::watch::BRICK_VOXELS;
 use teleclay_session::{Event, Outcome, Prepared, Refusal, Session};
 use teleclay_shell::realtime::{Capacities, Claim, Machine, Out, Timing};
@@ -153,6 +153,16 @@ pub(crate) struct Order {
     pub(crate) answer: Answer,
 }
 
+/// The watchers' copy of the clay, a few milliseconds behind the tick's.
+pub(crate) struct Mirror {
+    /// The clay.
+    pub(crate) clay: Clay,
+    /// What it was when it was fresh.
+    pub(crate) shape: ClayShape,
+    /// Counts the fresh blocks.
+    pub(crate) epoch: u32,
+}
+
 /// An order's substance.
 pub(crate) enum Task {
     Add(Option<Box<Running>>),
@@ -164,7 +174,7 @@ pub(crate) enum Task {
         session: u32,
         prepared: Prepared,
         /// For a fresh block: a copy of it, for the watchers.
-        mirror: Option<crate::session::Mirror>,
+        mirror: Option<Mirror>,
     },
 }
 

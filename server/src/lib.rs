@@ -18,6 +18,7 @@ mod serve;
 mod session;
 pub mod settings;
 mod state;
+mod statistics;
 
 pub use serve::{Server, run};
 pub use session::{Event, Sample};

@@ -15,11 +15,12 @@ use tokio::sync::watch;
 use tokio::task::JoinHandle;
 
 use crate::api::{self, ApiConfig};
-use crate::collector::{Collector, LoopStats, Sources};
+use crate::collector::{Collector, Sources};
 use crate::directory::{Directory, Parts};
 use crate::engine::{CAPACITIES, Engine, TICK};
 use crate::network::{Network, Sender};
 use crate::settings::Settings;
+use crate::statistics::LoopStats;
 
 /// Name of the session that is there from the start.
 const DEMO: &str = "demo";

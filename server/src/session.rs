@@ -5,14 +5,12 @@ use std::sync::{Arc, Mutex, MutexGuard};
 
 use teleclay_clay::Clay;
 use teleclay_proto::SessionId;
-use teleclay_proto::http::{ClayShape, Session};
 use teleclay_proto::watch::{Level, TelemetrySample};
 use teleclay_session::{EventKind, Settings, Snapshot};
 use tokio::sync::broadcast;
 
-use crate::collector::{LoopStats, SessionStats};
-use crate::engine::{SessionRecord, TICK};
-use crate::state;
+use crate::engine::{Mirror, SessionRecord, TICK};
+use crate::statistics::SessionStats;
 
 /// Samples that a watcher may fall behind before it loses some: four seconds of one tool.
 const SAMPLES_KEPT: usize = 1024;
@@ -40,16 +38,6 @@ pub struct Event {
     pub text: String,
     /// When, since the session began, s.
     pub time_s: f64,
-}
-
-/// The watchers' copy of the clay, a few milliseconds behind the tick's.
-pub(crate) struct Mirror {
-    /// The clay.
-    pub(crate) clay: Clay,
-    /// What it was when it was fresh.
-    pub(crate) shape: ClayShape,
-    /// Counts the fresh blocks.
-    pub(crate) epoch: u32,
 }
 
 /// A session, shared by the API, Zenoh and the collector.
@@ -102,11 +90,6 @@ impl SessionShared {
     /// What the loop told last.
     pub(crate) fn last_record(&self) -> SessionRecord {
         self.stats.lock().expect("no holder panics").record
-    }
-
-    /// The session as the API shows it.
-    pub(crate) fn state(&self, loop_stats: &Mutex<LoopStats>, scheduler: &str) -> Session {
-        state::session(self, loop_stats, scheduler)
     }
 
     pub(crate) fn telemetry(&self) -> broadcast::Receiver<Sample> {

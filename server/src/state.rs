@@ -8,9 +8,9 @@ use teleclay_proto::http::{
 };
 use teleclay_session::{Snapshot, ToolSnapshot};
 
-use crate::collector::LoopStats;
 use crate::engine::SessionRecord;
 use crate::session::{SessionShared, tool_id};
+use crate::statistics::LoopStats;
 
 /// What the watchers' copy of the clay says at one moment.
 struct Mirrored {

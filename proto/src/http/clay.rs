@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use super::Material;
-use super::schema::{BlockEdge, BlockPlace};
+use super::schema::{BlockEdge, BlockPlace, EDGE_M, PLACE_M};
 use crate::validate::{FieldError, Validate, check};
 use crate::word::words;
 
@@ -16,10 +16,6 @@ pub const MAX_VOXELS_PER_AXIS: u32 = 512;
 /// Most steps of a stepped block.
 pub const MAX_STEPS: usize = 64;
 
-/// Edge of a block.
-pub(super) const EDGE_M: RangeInclusive<f64> = 1e-5..=10.0;
-/// Where something on a block may be.
-pub(super) const PLACE_M: RangeInclusive<f64> = 0.0..=10.0;
 /// Edge of a voxel.
 const VOXEL_M: RangeInclusive<f64> = 1e-5..=0.1;
 /// Extent of a block that is not told otherwise, m.
@@ -84,7 +80,7 @@ pub struct ClayReset {
     #[serde(
         default,
         skip_serializing_if = "Option::is_none",
-        deserialize_with = "super::patch::present"
+        deserialize_with = "crate::validate::present"
     )]
     pub shape: Option<ClayShape>,
     /// Its material; the material of the last block when left out.
@@ -92,7 +88,7 @@ pub struct ClayReset {
     #[serde(
         default,
         skip_serializing_if = "Option::is_none",
-        deserialize_with = "super::patch::present"
+        deserialize_with = "crate::validate::present"
     )]
     pub material: Option<Material>,
 }
@@ -232,15 +228,15 @@ impl Validate for ClayReset {
 )]
 struct RawShape {
     kind: RawKind,
-    #[serde(default, deserialize_with = "super::patch::present")]
+    #[serde(default, deserialize_with = "crate::validate::present")]
     size_m: Option<[f64; 3]>,
-    #[serde(default, deserialize_with = "super::patch::present")]
+    #[serde(default, deserialize_with = "crate::validate::present")]
     edges_m: Option<Vec<f64>>,
-    #[serde(default, deserialize_with = "super::patch::present")]
+    #[serde(default, deserialize_with = "crate::validate::present")]
     depths_of_cut_m: Option<Vec<f64>>,
-    #[serde(default, deserialize_with = "super::patch::present")]
+    #[serde(default, deserialize_with = "crate::validate::present")]
     base_m: Option<f64>,
-    #[serde(default, deserialize_with = "super::patch::present")]
+    #[serde(default, deserialize_with = "crate::validate::present")]
     width_m: Option<f64>,
 }
 

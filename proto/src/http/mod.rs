@@ -31,6 +31,4 @@ pub use session::{
     SessionState, TickQuantiles, ToolState,
 };
 
-pub(crate) use patch::present;
-
 pub use crate::{Axes, Material, NodeName, Scheme, SessionId, ToolDescription};

@@ -1,6 +1,6 @@
 //! Changes of a running session. Whatever is left out keeps its value.
 
-use serde::{Deserialize, Deserializer, Serialize};
+use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use super::network::{Burst, Impairment, JitterDistribution, Network, Outage};
@@ -16,7 +16,7 @@ pub struct SessionPatch {
     #[serde(
         default,
         skip_serializing_if = "Option::is_none",
-        deserialize_with = "present"
+        deserialize_with = "crate::validate::present"
     )]
     pub scheme: Option<Scheme>,
     /// Another material.
@@ -24,7 +24,7 @@ pub struct SessionPatch {
     #[serde(
         default,
         skip_serializing_if = "Option::is_none",
-        deserialize_with = "present"
+        deserialize_with = "crate::validate::present"
     )]
     pub material: Option<MaterialPatch>,
     /// Another network.
@@ -32,7 +32,7 @@ pub struct SessionPatch {
     #[serde(
         default,
         skip_serializing_if = "Option::is_none",
-        deserialize_with = "present"
+        deserialize_with = "crate::validate::present"
     )]
     pub network: Option<NetworkPatch>,
     /// Share of a force or velocity below which its change is not sent; 0 sends every frame.
@@ -40,7 +40,7 @@ pub struct SessionPatch {
     #[serde(
         default,
         skip_serializing_if = "Option::is_none",
-        deserialize_with = "present"
+        deserialize_with = "crate::validate::present"
     )]
     pub deadband: Option<f64>,
     /// Whether the tool is to rest.
@@ -48,7 +48,7 @@ pub struct SessionPatch {
     #[serde(
         default,
         skip_serializing_if = "Option::is_none",
-        deserialize_with = "present"
+        deserialize_with = "crate::validate::present"
     )]
     pub paused: Option<bool>,
 }
@@ -62,7 +62,7 @@ pub struct MaterialPatch {
     #[serde(
         default,
         skip_serializing_if = "Option::is_none",
-        deserialize_with = "present"
+        deserialize_with = "crate::validate::present"
     )]
     pub viscosity_pa_s_per_m: Option<f64>,
     /// Stress below which clay only bends, Pa.
@@ -70,7 +70,7 @@ pub struct MaterialPatch {
     #[serde(
         default,
         skip_serializing_if = "Option::is_none",
-        deserialize_with = "present"
+        deserialize_with = "crate::validate::present"
     )]
     pub yield_stress_pa: Option<f64>,
     /// Modulus of the elastic part, Pa.
@@ -78,7 +78,7 @@ pub struct MaterialPatch {
     #[serde(
         default,
         skip_serializing_if = "Option::is_none",
-        deserialize_with = "present"
+        deserialize_with = "crate::validate::present"
     )]
     pub stiffness_pa: Option<f64>,
 }
@@ -92,7 +92,7 @@ pub struct NetworkPatch {
     #[serde(
         default,
         skip_serializing_if = "Option::is_none",
-        deserialize_with = "present"
+        deserialize_with = "crate::validate::present"
     )]
     pub up: Option<ImpairmentPatch>,
     /// From the server to the handle.
@@ -100,7 +100,7 @@ pub struct NetworkPatch {
     #[serde(
         default,
         skip_serializing_if = "Option::is_none",
-        deserialize_with = "present"
+        deserialize_with = "crate::validate::present"
     )]
     pub down: Option<ImpairmentPatch>,
 }
@@ -114,7 +114,7 @@ pub struct ImpairmentPatch {
     #[serde(
         default,
         skip_serializing_if = "Option::is_none",
-        deserialize_with = "present"
+        deserialize_with = "crate::validate::present"
     )]
     pub delay_s: Option<f64>,
     /// Standard deviation of the delay, s.
@@ -122,7 +122,7 @@ pub struct ImpairmentPatch {
     #[serde(
         default,
         skip_serializing_if = "Option::is_none",
-        deserialize_with = "present"
+        deserialize_with = "crate::validate::present"
     )]
     pub jitter_s: Option<f64>,
     /// Share of packets lost.
@@ -130,7 +130,7 @@ pub struct ImpairmentPatch {
     #[serde(
         default,
         skip_serializing_if = "Option::is_none",
-        deserialize_with = "present"
+        deserialize_with = "crate::validate::present"
     )]
     pub loss: Option<f64>,
     /// Seed of every random draw of this direction.
@@ -138,7 +138,7 @@ pub struct ImpairmentPatch {
     #[serde(
         default,
         skip_serializing_if = "Option::is_none",
-        deserialize_with = "present"
+        deserialize_with = "crate::validate::present"
     )]
     pub seed: Option<u64>,
     /// How delays scatter.
@@ -146,7 +146,7 @@ pub struct ImpairmentPatch {
     #[serde(
         default,
         skip_serializing_if = "Option::is_none",
-        deserialize_with = "present"
+        deserialize_with = "crate::validate::present"
     )]
     pub jitter_distribution: Option<JitterDistribution>,
     /// Share of packets delivered twice.
@@ -154,7 +154,7 @@ pub struct ImpairmentPatch {
     #[serde(
         default,
         skip_serializing_if = "Option::is_none",
-        deserialize_with = "present"
+        deserialize_with = "crate::validate::present"
     )]
     pub duplicate: Option<f64>,
     /// Share of packets that overtake.
@@ -162,7 +162,7 @@ pub struct ImpairmentPatch {
     #[serde(
         default,
         skip_serializing_if = "Option::is_none",
-        deserialize_with = "present"
+        deserialize_with = "crate::validate::present"
     )]
     pub reorder: Option<f64>,
     /// Losses in bursts; `null` ends them.
@@ -170,7 +170,7 @@ pub struct ImpairmentPatch {
     #[serde(
         default,
         skip_serializing_if = "Option::is_none",
-        deserialize_with = "present"
+        deserialize_with = "crate::validate::present"
     )]
     pub burst: Option<Option<BurstPatch>>,
     /// Outages; `null` ends them.
@@ -178,7 +178,7 @@ pub struct ImpairmentPatch {
     #[serde(
         default,
         skip_serializing_if = "Option::is_none",
-        deserialize_with = "present"
+        deserialize_with = "crate::validate::present"
     )]
     pub outage: Option<Option<OutagePatch>>,
 }
@@ -192,7 +192,7 @@ pub struct BurstPatch {
     #[serde(
         default,
         skip_serializing_if = "Option::is_none",
-        deserialize_with = "present"
+        deserialize_with = "crate::validate::present"
     )]
     pub enter: Option<f64>,
     /// Probability per packet that a bad channel turns good.
@@ -200,7 +200,7 @@ pub struct BurstPatch {
     #[serde(
         default,
         skip_serializing_if = "Option::is_none",
-        deserialize_with = "present"
+        deserialize_with = "crate::validate::present"
     )]
     pub leave: Option<f64>,
     /// Share of packets lost while the channel is bad.
@@ -208,7 +208,7 @@ pub struct BurstPatch {
     #[serde(
         default,
         skip_serializing_if = "Option::is_none",
-        deserialize_with = "present"
+        deserialize_with = "crate::validate::present"
     )]
     pub loss_in_burst: Option<f64>,
 }
@@ -222,7 +222,7 @@ pub struct OutagePatch {
     #[serde(
         default,
         skip_serializing_if = "Option::is_none",
-        deserialize_with = "present"
+        deserialize_with = "crate::validate::present"
     )]
     pub every_s: Option<f64>,
     /// Length of each, s; shorter than `every_s`.
@@ -230,7 +230,7 @@ pub struct OutagePatch {
     #[serde(
         default,
         skip_serializing_if = "Option::is_none",
-        deserialize_with = "present"
+        deserialize_with = "crate::validate::present"
     )]
     pub length_s: Option<f64>,
 }
@@ -472,14 +472,4 @@ impl Validate for ImpairmentPatch {
         })
         .validate()
     }
-}
-
-/// Reads a field that is there. With serde's own `Option` a `null` would pass for a field left out; here it is an error,
-/// except where `null` itself is a value.
-pub(crate) fn present<'de, D, T>(deserializer: D) -> Result<Option<T>, D::Error>
-where
-    D: Deserializer<'de>,
-    T: Deserialize<'de>,
-{
-    T::deserialize(deserializer).map(Some)
 }

@@ -9,7 +9,10 @@ use utoipa::openapi::schema::{ArrayBuilder, ArrayItems, ObjectBuilder, Schema, T
 use utoipa::openapi::{Object, Ref, RefOr};
 use utoipa::{PartialSchema, ToSchema};
 
-use super::clay::{EDGE_M, PLACE_M};
+/// Edge of a block.
+pub(crate) const EDGE_M: RangeInclusive<f64> = 1e-5..=10.0;
+/// Where something on a block may be.
+pub(crate) const PLACE_M: RangeInclusive<f64> = 0.0..=10.0;
 
 /// A number within a range.
 pub(crate) fn number(range: RangeInclusive<f64>) -> ObjectBuilder {

@@ -5,7 +5,7 @@ use utoipa::ToSchema;
 
 use crate::SessionId;
 use crate::http::{
-    BodyError, ClayReset, FieldError, Problem, Session, SessionPatch, Validate, parse, present,
+    BodyError, ClayReset, FieldError, Problem, Session, SessionPatch, Validate, parse,
 };
 use crate::word::words;
 
@@ -130,15 +130,15 @@ impl Validate for ClientText {
 struct RawClientText {
     #[serde(rename = "type")]
     kind: RawKind,
-    #[serde(default, deserialize_with = "present")]
+    #[serde(default, deserialize_with = "crate::validate::present")]
     telemetry: Option<Switch>,
-    #[serde(default, deserialize_with = "present")]
+    #[serde(default, deserialize_with = "crate::validate::present")]
     bricks: Option<Switch>,
-    #[serde(default, deserialize_with = "present")]
+    #[serde(default, deserialize_with = "crate::validate::present")]
     session: Option<Box<SessionPatch>>,
-    #[serde(default, deserialize_with = "present")]
+    #[serde(default, deserialize_with = "crate::validate::present")]
     clay: Option<ClayReset>,
-    #[serde(default, deserialize_with = "present")]
+    #[serde(default, deserialize_with = "crate::validate::present")]
     nonce: Option<u32>,
 }
 

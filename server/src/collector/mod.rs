@@ -4,7 +4,6 @@
 //! feeds each session's mirror of the clay, hands samples to the telemetry channel, and drops what the tick is done with.
 
 mod samples;
-mod statistics;
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender};
@@ -19,10 +18,7 @@ use teleclay_shell::realtime::Timing;
 
 use crate::engine::{Answer, BrickContent, BrickUpdate, Done, Order, SessionRecord, Task};
 use crate::session::SessionShared;
-
-pub(crate) use statistics::{LoopStats, SessionStats};
-
-use statistics::Rate;
+use crate::statistics::{LoopStats, Rate};
 
 /// How often the rings are emptied, where nothing is to be answered meanwhile.
 const ROUND: Duration = Duration::from_millis(10);

@@ -12,9 +12,10 @@ use tokio::sync::broadcast;
 
 use super::Inner;
 use super::orders::{ChangeError, ORDER_TIMEOUT};
-use crate::collector::LoopStats;
-use crate::engine::TICK;
-use crate::session::{Event, Mirror, Sample, SessionShared, tool_id};
+use crate::engine::{Mirror, TICK};
+use crate::session::{Event, Sample, SessionShared, tool_id};
+use crate::state;
+use crate::statistics::LoopStats;
 
 /// Settings change once in a while for reasons of the session's own; a command that was overtaken by that is prepared anew so many times.
 const PREPARATIONS: usize = 4;
@@ -38,7 +39,7 @@ impl Live {
             || (Arc::new(Mutex::new(LoopStats::default())), "gone"),
             |inner| (Arc::clone(&inner.loop_stats), inner.scheduler()),
         );
-        self.shared.state(&stats, scheduler)
+        state::session(&self.shared, &stats, scheduler)
     }
 
     /// Changes what is in the patch, all of it in one tick.

@@ -18,9 +18,10 @@ use teleclay_proto::{NodeName, PROTOCOL, SessionId};
 use teleclay_session::{Rules, Session, SessionSetup, Settings};
 use tokio::sync::watch;
 
-use crate::collector::{LoopStats, Notice, notify};
+use crate::collector::{Notice, notify};
 use crate::engine::{Answer, FramesIn, MAX_SESSIONS, Order, Running, Task};
 use crate::session::SessionShared;
+use crate::statistics::LoopStats;
 
 pub use live::{ClayView, Live};
 pub use orders::ChangeError;

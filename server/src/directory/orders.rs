@@ -10,8 +10,8 @@ use teleclay_shell::realtime::Claim;
 use tokio::sync::oneshot;
 use tokio::time::timeout;
 
+use crate::engine::Mirror;
 use crate::engine::{Answer, Order, TICK, Task};
-use crate::session::Mirror;
 
 /// Longest wait for the tick to carry out an order. It takes one tick; this is for a machine that is badly overloaded.
 pub(super) const ORDER_TIMEOUT: Duration = Duration::from_secs(2);

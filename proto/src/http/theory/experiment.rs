@@ -61,7 +61,7 @@ pub struct CuttingRequest {
     #[serde(
         default,
         skip_serializing_if = "Option::is_none",
-        deserialize_with = "crate::http::patch::present"
+        deserialize_with = "crate::validate::present"
     )]
     pub voxel_size_m: Option<f64>,
     /// Most samples of the trace, 64 to 20,000. It starts at 1 kHz and keeps every second sample whenever it is full.

@@ -147,7 +147,7 @@ pub struct WorkspaceRequest {
     #[serde(
         default,
         skip_serializing_if = "Option::is_none",
-        deserialize_with = "crate::http::patch::present"
+        deserialize_with = "crate::validate::present"
     )]
     pub region_m: Option<[[f64; 3]; 2]>,
     /// Cells along x, y and z, each at least 1 and 100,000 in all.
