@@ -263,7 +263,7 @@ const GAUGES: &[(&str, Unit, &str)] = &[
     (
         "teleclay_loop_rate_hertz",
         Unit::Count,
-        "Ticks per second that the loop aims at",
+        "Ticks per second, counted over the last second or two",
     ),
     (
         "teleclay_packets_per_second",
@@ -296,11 +296,11 @@ const COUNTERS: &[(&str, &str)] = &[
     ("teleclay_loop_ticks_total", "Ticks since the session began"),
     (
         "teleclay_loop_late_ticks_total",
-        "Ticks that started more than half a tick late",
+        "Ticks of the server's loop that started more than a whole tick late",
     ),
     (
         "teleclay_frames_lost_total",
-        "Frames from handles that never came",
+        "Frames from handles that had not come 128 frames later",
     ),
     (
         "teleclay_frames_duplicate_total",

@@ -60,7 +60,7 @@ function cellsNow(): Cell[] {
     },
     {
       label: "late ticks", text: fixed(quality.latePerS, 1), unit: "/s",
-      title: `ticks that began more than half a tick late, last seconds; ${count(loop.late_ticks)} of ${count(loop.ticks)} in all`,
+      title: `ticks of the last seconds that began more than a whole tick late; ${count(loop.late_ticks)} of ${count(loop.ticks)} in all`,
       grade: quality.latePerS < 1 ? "good" : quality.latePerS < 20 ? "warn" : "bad",
     },
     {
