@@ -164,6 +164,10 @@ pub(crate) struct Mirror {
 }
 
 /// An order's substance.
+#[expect(
+    clippy::large_enum_variant,
+    reason = "it travels in the box of its order"
+)]
 pub(crate) enum Task {
     Add(Option<Box<Running>>),
     Remove {
@@ -254,8 +258,8 @@ impl Engine {
                 Answer::Undone
             }
             Task::Remove { session, removed } => {
-                let is_it = |running: &Box<Running>| running.number == *session;
-                let Some(index) = self.running.iter().position(is_it) else {
+                let mut numbers = self.running.iter().map(|running| running.number);
+                let Some(index) = numbers.position(|number| number == *session) else {
                     return Answer::Undone;
                 };
                 *removed = Some(self.running.swap_remove(index));

@@ -6,6 +6,10 @@ use teleclay_proto::http::{ClayReset, FieldError, SessionPatch};
 /// Something that a session is asked to do: at once the body of an HTTP call, a text of a WebSocket and a query on Zenoh.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "command", rename_all = "snake_case")]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "plain data, made and read outside of the tick, one at a time"
+)]
 pub enum Command {
     /// Change settings. What the patch leaves out keeps its value.
     Patch {

@@ -39,7 +39,7 @@ pub(crate) struct PatchParts {
     pub(crate) lines: Option<Lines>,
     pub(crate) deadband: Option<f64>,
     /// One for each tool, where the scheme changes.
-    pub(crate) controllers: Vec<Box<dyn ToolController>>,
+    pub(crate) controllers: Controllers,
     /// Keeps alive, until it is dropped with the rest, what the controllers were built with.
     _setup: Option<Arc<ToolSetup>>,
 }
@@ -155,10 +155,11 @@ impl Prepared {
     }
 }
 
-/// A controller of the settings' scheme for every tool, and what they were built with.
-fn controllers(
-    settings: &Settings,
-) -> Result<(Vec<Box<dyn ToolController>>, Option<Arc<ToolSetup>>), Refusal> {
+/// A controller for every tool.
+type Controllers = Vec<Box<dyn ToolController>>;
+
+/// Controllers of the settings' scheme, and what they were built with.
+fn controllers(settings: &Settings) -> Result<(Controllers, Option<Arc<ToolSetup>>), Refusal> {
     let model = LoopModel::new(&settings.parameters).map_err(no_loop)?;
     let context = model.context();
     let controllers = (0..settings.tools())

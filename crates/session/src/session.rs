@@ -423,7 +423,7 @@ impl Session {
         self.cuts.extend_from_slice(side.cuts());
         let (is_led, fault) = (side.is_led(), side.fault());
         if let Some(frame) = side.frame_to_send() {
-            slot.down.push(now, frame.clone());
+            slot.down.push(now, *frame);
         }
         if let (None, Some(fault)) = (self.fault, fault) {
             self.fault = Some(fault);

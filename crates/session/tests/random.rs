@@ -25,6 +25,7 @@ const TOOLS: u8 = 3;
 const CASES: u32 = 500;
 const STEPS: usize = 500;
 
+#[expect(clippy::large_enum_variant, reason = "plain data of a test")]
 #[derive(Clone, Debug)]
 enum Step {
     Command(Command),

@@ -185,7 +185,7 @@ fn a_patch_is_one_revision_and_the_tool_frames_name_it() {
     assert_eq!(settings.revision, outcome.revision);
     assert_eq!(settings.spec.scheme, Scheme::Wave);
     assert_eq!(settings.parameters.material, settings.spec.material);
-    assert!(settings.is_paused && settings.spec.network.up.loss == 0.25);
+    assert!(settings.is_paused && settings.spec.network.up.loss.to_bits() == 0.25_f64.to_bits());
 }
 
 #[test]

@@ -120,6 +120,10 @@ struct State {
     tick_rate: Rate,
     ticks: u64,
     /// Orders that were carried out and are not answered yet.
+    #[expect(
+        clippy::vec_box,
+        reason = "orders come boxed; moving one out would copy it"
+    )]
     unanswered: Vec<Box<Order>>,
 }
 
