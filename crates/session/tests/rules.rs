@@ -188,6 +188,85 @@ fn a_patch_is_one_revision_and_the_tool_frames_name_it() {
     assert!(settings.is_paused && settings.spec.network.up.loss.to_bits() == 0.25_f64.to_bits());
 }
 
+/// Every part of one patch, each by what the loop then does: the force of a stroke whose motion the hand dictates follows
+/// the viscosity, frames come as late as the line says, and frames that tell nothing new are left out.
+#[test]
+fn a_patch_reaches_the_loop_whole() {
+    let cut = |change: Option<SessionPatch>| {
+        let mut bench = Bench::new(cutting(Scheme::PositionForce));
+        let mut ada = bench.join("Ada").unwrap();
+        bench.run(300, &mut [&mut ada], stroke);
+        if let Some(change) = change {
+            bench.command(&patch(change)).unwrap();
+        }
+        let mut first_frame = None;
+        let mut frames = 0;
+        for tick in 0..1000 {
+            // The hand goes on for a while, and then rests.
+            bench.run(1, &mut [&mut ada], |_| stroke(300 + tick.min(40)));
+            if first_frame.is_none() && !bench.sent.is_empty() {
+                first_frame = Some(tick);
+            }
+            frames += bench.sent.len();
+            if tick == 0 {
+                ada.header.scheme = bench.session.settings().spec.scheme;
+            }
+        }
+        (bench, first_frame, frames)
+    };
+    let (usual, first_frame, frames) = cut(None);
+    assert_eq!((first_frame, frames), (Some(0), 1000));
+
+    let network = NetworkPatch {
+        down: Some(ImpairmentPatch {
+            delay_s: Some(0.05),
+            ..ImpairmentPatch::default()
+        }),
+        ..NetworkPatch::default()
+    };
+    let material = MaterialPatch {
+        viscosity_pa_s_per_m: Some(4e5),
+        ..MaterialPatch::default()
+    };
+    let (changed, first_frame, frames) = cut(Some(SessionPatch {
+        material: Some(material),
+        network: Some(network),
+        deadband: Some(0.07),
+        ..SessionPatch::default()
+    }));
+    assert_eq!(first_frame, Some(50), "the line is not as the patch has it");
+    assert!(frames < 300, "{frames} frames of a tool that rests");
+    assert_eq!(
+        changed.session.clay().removed_units(),
+        usual.session.clay().removed_units()
+    );
+
+    let force_n = |viscosity: Option<f64>| {
+        let mut bench = Bench::new(cutting(Scheme::PositionForce));
+        let mut ada = bench.join("Ada").unwrap();
+        bench.run(300, &mut [&mut ada], stroke);
+        if viscosity.is_some() {
+            let change = SessionPatch {
+                material: Some(MaterialPatch {
+                    viscosity_pa_s_per_m: viscosity,
+                    ..MaterialPatch::default()
+                }),
+                network: Some(NetworkPatch::default()),
+                ..SessionPatch::default()
+            };
+            bench.command(&patch(change)).unwrap();
+        }
+        bench.run(1, &mut [&mut ada], |tick| stroke(300 + tick));
+        bench.sent[0].1.force_n[0]
+    };
+    let (soft, hard) = (force_n(None), force_n(Some(4e5)));
+    assert!(1e-3 < soft.abs(), "{soft} N: the stroke meets no clay");
+    assert!(
+        (hard / soft - 2.0).abs() < 1e-9,
+        "{hard} N, wanted twice {soft} N"
+    );
+}
+
 #[test]
 fn a_patch_with_one_bad_field_changes_nothing_at_all() {
     let mut bench = Bench::new(new_session(1));
