@@ -188,6 +188,60 @@ fn a_patch_is_one_revision_and_the_tool_frames_name_it() {
     assert!(settings.is_paused && settings.spec.network.up.loss.to_bits() == 0.25_f64.to_bits());
 }
 
+/// Frames name the revision whatever changed, and to every holder.
+#[test]
+fn every_change_is_named_by_the_frames_of_the_next_tick() {
+    let mut bench = Bench::new(new_session(3));
+    let mut ada = bench.join("Ada").unwrap();
+    bench.run(3, &mut [&mut ada], |_| engaged_at([0.0; 3]));
+    let pause = patch(SessionPatch {
+        paused: Some(true),
+        ..SessionPatch::default()
+    });
+    let changes = [pause, reset(None), join("Bob"), Command::Leave { lease: 2 }];
+    for change in &changes {
+        let outcome = bench.command(change).unwrap();
+        bench.tick();
+        let told: Vec<u32> = bench
+            .sent
+            .iter()
+            .map(|(_, frame)| frame.header.revision)
+            .collect();
+        assert!(!told.is_empty());
+        let is_named = told
+            .iter()
+            .all(|&revision| u64::from(revision) == outcome.revision);
+        assert!(
+            is_named,
+            "{told:?} after {change:?}, which made {}",
+            outcome.revision
+        );
+    }
+}
+
+/// What was under way to or from a holder goes with the holder.
+#[test]
+fn nothing_of_a_holder_is_on_the_line_of_the_next() {
+    let mut new = new_session(1);
+    new.network.up.delay_s = 0.05;
+    new.network.down.delay_s = 0.05;
+    let mut bench = Bench::new(new);
+    let mut ada = bench.join("Ada").unwrap();
+    bench.run(200, &mut [&mut ada], |_| engaged_at([0.0; 3]));
+    assert_eq!(bench.sent.len(), 1);
+    bench
+        .command(&Command::Leave { lease: ada.lease() })
+        .unwrap();
+    let bob = bench.join("Bob").unwrap();
+    for tick in 0..120 {
+        bench.tick();
+        for (_, frame) in &bench.sent {
+            assert_eq!(frame.header.lease, bob.lease(), "tick {tick}");
+        }
+        assert_eq!(bench.sent.is_empty(), tick < 50, "tick {tick}");
+    }
+}
+
 /// Every part of one patch, each by what the loop then does: the force of a stroke whose motion the hand dictates follows
 /// the viscosity, frames come as late as the line says, and frames that tell nothing new are left out.
 #[test]
