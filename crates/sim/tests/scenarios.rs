@@ -198,6 +198,7 @@ fn clay_is_conserved_whatever_the_network_does() {
             every: ONE_TICK * 3000,
             length: ONE_TICK * 200,
         }),
+        ..Impairment::default()
     };
     let mut rig = carving(cutting(), both_ways(worst));
     for _ in 0..15_000 {

@@ -7,25 +7,30 @@
 //! Snapshots of the clay travel beside the lines, as on a stream that repeats what is lost: asked for at a delay up,
 //! taken from the clay then, there after a delay down.
 
+mod halt;
+mod hand;
+
 use std::time::Duration;
 
-use teleclay_bilateral::{HandleSide, HandleStep, Lease, LinkState, ParameterError, ToolSide};
+use teleclay_bilateral::{HandleSide, HandleStep, Lease, ParameterError, ToolSide};
 use teleclay_clay::Clay;
 use teleclay_device::DeviceSample;
-use teleclay_link::Vec3;
 use teleclay_link::deadband::{DeadbandError, DeadbandSettings};
-use teleclay_link::energy::Observer;
 use teleclay_link::scheme::ClayCopy;
 use teleclay_link::scheme::replica::Snapshot;
 use teleclay_link::time::Timestamp;
 use teleclay_operator::{Axes, Intent, SimulatedHandle, SimulatedHandleError};
-use teleclay_proto::frame::ToolFrame;
+use teleclay_proto::frame::HandleFrame;
 use teleclay_proto::http::{NewSession, SessionPatch};
 use teleclay_proto::join::LoopParameters;
 use teleclay_proto::{Scheme, SessionId};
 use teleclay_session::{
     Command, Lines, Operator, Prepared, Refusal, Rules, Session, SessionSetup, Settings,
 };
+
+pub use halt::Halt;
+use halt::{Halted, noticed_since};
+use hand::{Hand, UnderWay};
 
 /// Most frames that one tick can deliver to a handle.
 const INBOX: usize = 8192;
@@ -73,29 +78,6 @@ pub struct Traffic {
     pub bytes: u64,
 }
 
-/// A snapshot under way to a handle.
-struct UnderWay {
-    number: u32,
-    /// When the server takes it, and when it is there.
-    taken: Timestamp,
-    due: Timestamp,
-    snapshot: Option<Snapshot>,
-}
-
-/// One operator, attached to a tool slot of the session.
-struct Hand {
-    device: SimulatedHandle,
-    handle: HandleSide,
-    inbox: Vec<ToolFrame>,
-    last: HandleStep,
-    observer: Observer,
-    sent: Traffic,
-    received_from: Traffic,
-    snapshot: Option<UnderWay>,
-    /// Where somebody holds the handle fast, if somebody does.
-    held: Option<DeviceSample>,
-}
-
 /// Operators, one session, a line to each, on virtual time.
 pub struct Rig {
     tick: Duration,
@@ -106,76 +88,9 @@ pub struct Rig {
     lines: Lines,
     /// The block as it was at first.
     block: Clay,
-}
-
-impl Hand {
-    fn new(
-        parameters: &LoopParameters,
-        intent: Intent,
-        lease: Lease,
-        clay: &Clay,
-    ) -> Result<Self, RigError> {
-        let axes = axes_of(parameters);
-        let mut handle = HandleSide::new(parameters, lease)?;
-        if parameters.scheme.keeps_a_copy() {
-            // The clay comes with the lease.
-            handle.handle_snapshot(Snapshot {
-                clay: Box::new(clay.clone()),
-                epoch: 1,
-            });
-        }
-        Ok(Self {
-            device: SimulatedHandle::new(axes, parameters.tick_s, intent)?,
-            handle,
-            inbox: Vec::with_capacity(INBOX),
-            last: HandleStep {
-                command_m: [0.0; 3],
-                felt_force_n: [0.0; 3],
-                link_state: LinkState::NotYet,
-            },
-            observer: Observer::new(parameters.position_ratio * parameters.force_ratio),
-            sent: Traffic::default(),
-            received_from: Traffic::default(),
-            snapshot: None,
-            held: None,
-        })
-    }
-
-    fn step(&mut self, now: Timestamp) -> DeviceSample {
-        for frame in self.inbox.drain(..) {
-            self.handle.handle_frame(now, &frame);
-        }
-        let before = self.held.unwrap_or_else(|| self.device.sample());
-        self.last = self.handle.step(now, &before);
-        if self.held.is_none() {
-            self.device.command(self.last.command_m);
-        }
-        drop(self.handle.poll_retired());
-        self.handle.restock();
-        before
-    }
-
-    /// Takes the true work of the tick at both ends into the energy balance. The force on the hand is zero on an axis that
-    /// reflects none; the clay's is not, so it is left out there. Where the hand works on a copy, that is the clay it works on.
-    fn observe(&mut self, before: &DeviceSample, tool: &ToolSide, axes: Axes, tick_s: f64) {
-        let after = self.held.unwrap_or_else(|| self.device.sample());
-        let way = Vec3::from(after.position_m) - Vec3::from(before.position_m);
-        self.observer
-            .on_hand(Vec3::from(self.last.felt_force_n), way);
-        let copy = self.handle.clay_copy().and_then(ClayCopy::copy);
-        let (force, mut tool_way) = match copy {
-            Some(copy) => (copy.answer(), copy.way()),
-            None => {
-                let view = tool.view();
-                let tool_way = Vec3::from(view.velocity_m_s) * tick_s;
-                (Vec3::from(view.force_n), tool_way)
-            }
-        };
-        if axes == Axes::Two {
-            tool_way.z = 0.0;
-        }
-        self.observer.on_clay(force, tool_way);
-    }
+    /// The session's program stands still, and what waits outside of it.
+    halt: Option<Halted>,
+    outside: Vec<(usize, HandleFrame)>,
 }
 
 impl Rig {
@@ -246,6 +161,8 @@ impl Rig {
             session,
             lines,
             block: clay,
+            halt: None,
+            outside: Vec::new(),
         })
     }
 
@@ -253,33 +170,55 @@ impl Rig {
     pub fn tick(&mut self) {
         let now = self.now;
         self.deliver_snapshots();
+        if self.halt.is_some_and(|halt| halt.until <= now) {
+            noticed_since(&mut self.halt);
+            for (slot, frame) in self.outside.drain(..) {
+                self.session.handle_frame(now, slot, &frame);
+            }
+        }
         let mut before = [None; MAX_TOOLS];
         for (slot, hand) in self.hands.iter_mut().enumerate() {
             before[slot % MAX_TOOLS] = Some(hand.step(now));
-            if let Some(frame) = hand.handle.frame_to_send() {
+            if let Some(frame) = hand.frame_to_send() {
+                let bytes = frame.encoded_len() as u64;
+                match self.halt {
+                    Some(Halted {
+                        how: Halt::Program, ..
+                    }) => self.outside.push((slot, frame.clone())),
+                    _ => self.session.handle_frame(now, slot, frame),
+                }
                 hand.sent.frames += 1;
-                hand.sent.bytes += frame.encoded_len() as u64;
-                self.session.handle_frame(now, slot, frame);
+                hand.sent.bytes += bytes;
             }
         }
-        self.session.tick(now);
-        while let Some((slot, frame)) = self.session.poll_transmit() {
-            self.hands[slot].inbox.push(*frame);
+        if self.halt.is_none() {
+            self.tick_session(now);
         }
-        while self.session.poll_event().is_some() {}
-        while self.session.poll_retired().is_some() {}
         let tick_s = self.tick.as_secs_f64();
         for (slot, hand) in self.hands.iter_mut().enumerate() {
             let tool = self.session.side(slot).expect(ATTACHED);
-            if let Some(frame) = tool.frame_to_send() {
+            if let Some(frame) = tool.frame_to_send().filter(|_| self.halt.is_none()) {
                 hand.received_from.frames += 1;
                 hand.received_from.bytes += frame.encoded_len() as u64;
             }
             if let Some(before) = &before[slot % MAX_TOOLS] {
-                hand.observe(before, tool, self.axes, tick_s);
+                // A tool side that stands still has moved no tool.
+                let tool_s = if self.halt.is_none() { tick_s } else { 0.0 };
+                hand.observe(before, tool, self.axes, tool_s);
             }
         }
         self.now = self.now.after(self.tick);
+    }
+
+    fn tick_session(&mut self, now: Timestamp) {
+        self.session.tick(now);
+        // A handle notices in its next tick what a line delivers in this one.
+        let noticed = now.after(self.tick);
+        while let Some((slot, frame)) = self.session.poll_transmit() {
+            self.hands[slot].inbox.push((noticed, *frame));
+        }
+        while self.session.poll_event().is_some() {}
+        while self.session.poll_retired().is_some() {}
     }
 
     fn deliver_snapshots(&mut self) {
@@ -355,6 +294,23 @@ impl Rig {
         for hand in &mut self.hands {
             hand.held = None;
         }
+    }
+
+    /// Holds the first handle at a place of somebody's choice from the next tick on, whatever the loop commands.
+    pub fn hold_handle_at(&mut self, sample: DeviceSample) {
+        self.hands[0].held = Some(sample);
+    }
+
+    /// The program of the first handle stands still for `span`. The device goes on at the last command, the hand feels the last force.
+    pub fn halt_handle(&mut self, how: Halt, span: Duration) {
+        let until = self.now.after(span);
+        self.hands[0].halt = Some(Halted { how, until });
+    }
+
+    /// The session's program stands still for `span`.
+    pub fn halt_session(&mut self, how: Halt, span: Duration) {
+        let until = self.now.after(span);
+        self.halt = Some(Halted { how, until });
     }
 
     /// Changes what the lines do, from the next frame on.
