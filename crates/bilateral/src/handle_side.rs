@@ -24,7 +24,7 @@ use teleclay_link::scheme::{
 };
 use teleclay_link::time::Timestamp;
 use teleclay_proto::frame::{
-    CopyState, Corrections, Engagement, HandleFrame, Header, LoopStatus, Sweeps, ToolFrame,
+    CopyState, Corrections, Engagement, Gaps, HandleFrame, Header, LoopStatus, Sweeps, ToolFrame,
 };
 use teleclay_proto::join::LoopParameters;
 use teleclay_proto::{Scheme, is_after};
@@ -548,6 +548,7 @@ impl HandleSide {
         self.frame.corrections = Corrections::default();
         self.frame.clay_hash = 0;
         self.frame.relayed_acknowledged = 0;
+        self.frame.relayed_gaps = Gaps::default();
         self.frame.sweeps = Sweeps::default();
         // What was felt fades into what the new controller gives, instead of stepping there.
         self.blend_starts = true;
