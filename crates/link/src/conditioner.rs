@@ -44,16 +44,15 @@ pub struct Outages {
     pub length: Duration,
 }
 
-/// A line that stands still for `length` at the end of every `every` and loses nothing by it: what queued up comes afterwards, in its order, as
-/// over a stream that repeats what was lost.
+/// A line that stands still for a while and loses nothing by it: what queued up comes afterwards, in its order, as over a stream that repeats what
+/// was lost.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Stalls {
-    /// Period; the first stall starts at `every` minus `length`.
-    pub every: Duration,
-    /// Length of each stall.
+pub struct Stall {
+    /// When it begins.
+    pub from: Timestamp,
+    /// How long it lasts.
     pub length: Duration,
-    /// How many times as fast as it was sent the queue is delivered: above 1, infinite for all of it at once. What is not delivered when the next
-    /// stall starts comes at once then.
+    /// How many times as fast as it was sent the queue is delivered: above 1, infinite for all of it at once.
     pub drain: f64,
 }
 
@@ -86,8 +85,8 @@ pub struct Impairment {
     pub bursts: Option<Bursts>,
     /// Periodic cuts of the line, on top of everything.
     pub outages: Option<Outages>,
-    /// Periodic stalls of the line, on top of everything.
-    pub stalls: Option<Stalls>,
+    /// A stall of the line, on top of everything.
+    pub stall: Option<Stall>,
     /// What becomes of messages that were overtaken.
     pub overtaken: Overtaken,
 }
@@ -273,24 +272,14 @@ impl<T: Clone> Conditioner<T> {
 
     /// When a message is handed out that would be at `due` if the line never stood still.
     fn held_back(&self, due: Timestamp) -> Timestamp {
-        let Some(stalls) = self.impairment.stalls else {
+        let Some(stall) = self.impairment.stall.filter(|stall| stall.from <= due) else {
             return due;
         };
-        let every = stalls.every.as_nanos() as u64;
-        let length = stalls.length.as_nanos() as u64;
-        // The stall that began last before it was due, if one has.
-        let number = due
-            .as_nanos()
-            .saturating_add(length)
-            .checked_div(every)
-            .unwrap_or(0);
-        if number == 0 {
-            return due;
-        }
-        let ended = number * every;
-        let queued_for = due.as_nanos() - ended.saturating_sub(length);
-        let delivered = ended + (queued_for as f64 / stalls.drain) as u64;
-        due.max(Timestamp::from_nanos(delivered))
+        let behind_ns = due.since(stall.from).as_nanos() as f64 / stall.drain;
+        let delivered = stall
+            .from
+            .after(stall.length + Duration::from_nanos(behind_ns as u64));
+        due.max(delivered)
     }
 
     fn draw_burst(&mut self) -> bool {
@@ -467,18 +456,18 @@ mod tests {
     #[test]
     fn a_stall_loses_nothing_and_delivers_its_queue_in_order_at_the_speed_asked_for() {
         for drain in [1.25, 20.0, f64::INFINITY] {
-            let stalls = Stalls {
-                every: TICK * 1000,
+            let stall = Stall {
+                from: at(800),
                 length: TICK * 200,
                 drain,
             };
             let line = Impairment {
                 delay: TICK * 5,
-                stalls: Some(stalls),
+                stall: Some(stall),
                 ..Default::default()
             };
-            let (arrived, _) = run(line, 1, 1750);
-            assert!(arrived.iter().map(|&(n, _)| n).eq(0..1750), "{drain}");
+            let (arrived, _) = run(line, 1, 3000);
+            assert!(arrived.iter().map(|&(n, _)| n).eq(0..3000), "{drain}");
             for (number, tick) in arrived {
                 let due = number + 5;
                 // The first in the queue comes when the stall ends, the others behind it, until one would not have queued at all.

@@ -2,7 +2,7 @@
 //!
 //! - [`check`] is the only way in for numbers that come from outside the process: a value that is not finite names its field and
 //!   ends in a fault.
-//! - [`Watchdog`] turns silence into a gain that ramps to 0, and a return into one that ramps to 1.
+//! - [`Watchdog`] turns silence, and a line that delivers what had queued up, into a gain that ramps to 0, and a return into one that ramps to 1.
 //! - [`ForceLimiter`] bounds the force and its slope; what leaves it is finite.
 
 use std::time::Duration;
@@ -43,6 +43,8 @@ pub struct WatchdogTimes {
 pub struct Watchdog {
     times: WatchdogTimes,
     last_frame: Option<Timestamp>,
+    /// What has come since then was no news.
+    is_stalled: bool,
     gain: f64,
 }
 
@@ -52,6 +54,7 @@ impl Watchdog {
         Self {
             times,
             last_frame: None,
+            is_stalled: false,
             gain: 0.0,
         }
     }
@@ -62,9 +65,20 @@ impl Watchdog {
         self.gain = 1.0;
     }
 
-    /// A valid frame came.
+    /// A valid frame came that is [fresh](crate::freshness).
     pub fn on_frame(&mut self, now: Timestamp) {
         self.last_frame = Some(now);
+        self.is_stalled = false;
+    }
+
+    /// A frame came that is stale: silence from now on, until a fresh one comes, however long ago the last one was.
+    pub fn on_stale_frame(&mut self) {
+        self.is_stalled = true;
+    }
+
+    /// Whether what came last had waited in a queue.
+    pub fn is_stalled(&self) -> bool {
+        self.is_stalled
     }
 
     /// Advances by one tick of `tick_s` seconds and returns the gain, 0 to 1.
@@ -84,13 +98,13 @@ impl Watchdog {
         self.gain
     }
 
-    /// Whether no frame came for longer than the allowed silence.
+    /// Whether no fresh frame came for longer than the allowed silence, or only stale ones have come since.
     pub fn is_silent(&self, now: Timestamp) -> bool {
-        self.last_frame
-            .is_none_or(|last| self.times.silence < now.since(last))
+        let is_over = |last| self.times.silence < now.since(last);
+        self.is_stalled || self.last_frame.is_none_or(is_over)
     }
 
-    /// Time since the last frame.
+    /// Time since the last fresh frame.
     pub fn age(&self, now: Timestamp) -> Option<Duration> {
         self.last_frame.map(|last| now.since(last))
     }

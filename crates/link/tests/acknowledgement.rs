@@ -1,4 +1,5 @@
-//! How long a cut waits for its acknowledgement, whatever the line and the programs at its ends do: a thousand lines, a minute of cutting on each.
+//! How long a cut waits for its acknowledgement, whatever the line and the programs at its ends do: a thousand lines, a
+//! minute of cutting on each.
 
 #![allow(clippy::print_stdout, reason = "a test says what it measured")]
 
@@ -135,7 +136,8 @@ impl Thread {
 /// A thread gets no processor for this many milliseconds at most.
 const LONGEST_STARVATION: u64 = 250;
 
-/// A run's line, how old the oldest cut ever was, and was all but a thousandth of the time, ms, and the share of the packets that passed.
+/// A run's line, how old the oldest cut ever was, and was all but a thousandth of the time, ms, and the share of the
+/// packets that passed.
 #[derive(Clone, Debug)]
 struct Run {
     round_trip_ms: f64,
@@ -258,7 +260,8 @@ fn cut(round_trips_ms: [f64; 2], seed: u64) -> Run {
     }
 }
 
-/// What is promised: four round trips and a tenth of a second, and the time for which the programs at the two ends do not run.
+/// What is promised: four round trips and a tenth of a second, and the time for which the programs at the two ends do
+/// not run.
 fn bound_ms(run: &Run) -> f64 {
     4.0 * run.round_trip_ms + 100.0 + 2.0 * LONGEST_STARVATION as f64
 }

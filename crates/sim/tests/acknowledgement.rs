@@ -1,5 +1,6 @@
-//! Cuts over lines that drop whatever was overtaken, between programs that are starved now and then: each is acknowledged within a few round trips, and the
-//! clay becomes one. `crates/link/tests/acknowledgement.rs` asks the same of a thousand lines.
+//! Cuts over lines that drop whatever was overtaken, between programs that are starved now and then: each is
+//! acknowledged within a few round trips, and the clay becomes one. `crates/link/tests/acknowledgement.rs` asks the
+//! same of a thousand lines.
 
 mod rigs;
 
@@ -46,7 +47,8 @@ impl Ages {
     }
 }
 
-/// The jitters are those of the live test that found an acknowledgement standing still (a fifth of the delay), and worse ones.
+/// The jitters are those of the live test that found an acknowledgement standing still (a fifth of the delay), and
+/// worse ones.
 #[test]
 fn behind_starved_programs_no_cut_waits_for_long_and_the_clay_becomes_one() {
     const SERVER_STARVED_MS: u32 = 250;

@@ -18,8 +18,8 @@ pub struct Gap {
     pub come: u16,
 }
 
-/// The gaps behind an acknowledged number `a`, oldest first: `a + 1` is the first number of the first gap, and the next gap begins behind what has come
-/// after it. Nothing is said of numbers behind the last one named.
+/// The gaps behind an acknowledged number `a`, oldest first: `a + 1` is the first number of the first gap, and the next
+/// gap begins behind what has come after it. Nothing is said of numbers behind the last one named.
 ///
 /// ```text
 ///  0         2

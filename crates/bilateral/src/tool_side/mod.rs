@@ -19,6 +19,7 @@ use teleclay_control::State;
 use teleclay_link::Vec3;
 use teleclay_link::arrivals::{ArrivalCounts, Arrivals};
 use teleclay_link::deadband::{Deadband, DeadbandError, DeadbandSettings};
+use teleclay_link::freshness::Freshness;
 use teleclay_link::motion_limiter::MotionLimiter;
 use teleclay_link::replica::{Cut, ToolSetup};
 use teleclay_link::round_trip::RoundTrip;
@@ -90,6 +91,9 @@ pub struct ToolSide {
     clay_force: Vec3,
     lift: f64,
     watchdog: Watchdog,
+    freshness: Freshness,
+    /// When the last frame came, fresh or stale.
+    heard_at: Option<Timestamp>,
     first_step: Option<Timestamp>,
     permission_gain: f64,
     arrivals: Arrivals,
@@ -139,6 +143,8 @@ impl ToolSide {
             clay_force: Vec3::zeros(),
             lift: 0.0,
             watchdog: Watchdog::new(model.watchdog),
+            freshness: Freshness::new(model.watchdog.silence),
+            heard_at: None,
             first_step: None,
             permission_gain: 0.0,
             arrivals: Arrivals::default(),
@@ -332,11 +338,19 @@ impl ToolSide {
         })
     }
 
-    /// Time since the last frame, or since the first tick if none came.
+    /// How old the news of the handle are: time since the last fresh frame, or since the first tick if none came.
     pub fn silence_s(&self, now: Timestamp) -> f64 {
+        self.since_s(now, self.watchdog.age(now))
+    }
+
+    /// Time since the last frame, be it stale, or since the first tick if none came: what a lease lives on.
+    pub fn unheard_s(&self, now: Timestamp) -> f64 {
+        self.since_s(now, self.heard_at.map(|at| now.since(at)))
+    }
+
+    fn since_s(&self, now: Timestamp, age: Option<Duration>) -> f64 {
         let since_start = || self.first_step.map(|first| now.since(first));
-        let silence = self.watchdog.age(now).or_else(since_start);
-        silence.unwrap_or_default().as_secs_f64()
+        age.or_else(since_start).unwrap_or_default().as_secs_f64()
     }
 
     /// Lease under which this tool works.

@@ -1,7 +1,8 @@
 //! How long an acknowledgement is waited for.
 //!
-//! As TCP's retransmission timer does it ([PACS11] in docs/papers.md): the round trip and its variation, smoothed over a sample a round trip. Against it,
-//! a round trip of one exchange says how long that exchange took: one that met a starved program takes seconds, and the next milliseconds.
+//! As TCP's retransmission timer does it ([PACS11] in docs/papers.md): the round trip and its variation, smoothed over
+//! a sample a round trip. Against it, a round trip of one exchange says how long that exchange took: one that met a
+//! starved program takes seconds, and the next milliseconds.
 
 use std::time::Duration;
 
@@ -11,10 +12,11 @@ use crate::time::Timestamp;
 const UNKNOWN_ROUND_TRIP: Duration = Duration::from_millis(100);
 /// An acknowledgement is awaited this much longer, for both sides' ticks.
 const PATIENCE: Duration = Duration::from_millis(20);
-/// A sample counts as twice the smoothed round trip and this at most. So an outlier moves it by an eighth of that, and a line that became slower is
-/// followed within some ten samples.
+/// A sample counts as twice the smoothed round trip and this at most. So an outlier moves it by an eighth of that, and
+/// a line that became slower is followed within some ten samples.
 const OUTLIER: Duration = Duration::from_millis(50);
-/// Share of a sample's difference that goes into the round trip, and into its variation: an eighth and a quarter, in [PACS11].
+/// Share of a sample's difference that goes into the round trip, and into its variation: an eighth and a quarter, in
+/// [PACS11].
 const ROUND_TRIP_SHARE: i64 = 8;
 const VARIATION_SHARE: i64 = 4;
 

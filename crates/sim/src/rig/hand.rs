@@ -1,5 +1,7 @@
 //! One operator of a rig: a device, a handle side, and what is under way to it.
 
+use std::time::Duration;
+
 use teleclay_bilateral::{HandleSide, HandleStep, Lease, LinkState, ToolSide};
 use teleclay_clay::Clay;
 use teleclay_device::DeviceSample;
@@ -24,6 +26,21 @@ pub(super) struct UnderWay {
     pub(super) snapshot: Option<Snapshot>,
 }
 
+/// What the clock of a handle's program shows, against virtual time.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Clock {
+    pub(super) ahead: Duration,
+    pub(super) ppm: f64,
+}
+
+impl Clock {
+    fn at(self, now: Timestamp) -> Timestamp {
+        let fast_ns = now.as_nanos() as f64 * self.ppm * 1e-6;
+        let ahead_ns = self.ahead.as_nanos() as i64 + fast_ns as i64;
+        Timestamp::from_nanos(now.as_nanos().saturating_add_signed(ahead_ns))
+    }
+}
+
 /// One operator, attached to a tool slot of the session.
 pub(super) struct Hand {
     pub(super) device: SimulatedHandle,
@@ -38,6 +55,7 @@ pub(super) struct Hand {
     /// Where somebody holds the handle fast, if somebody does.
     pub(super) held: Option<DeviceSample>,
     pub(super) halt: Option<Halted>,
+    pub(super) clock: Clock,
 }
 
 impl Hand {
@@ -71,18 +89,21 @@ impl Hand {
             snapshot: None,
             held: None,
             halt: None,
+            clock: Clock::default(),
         })
     }
 
-    /// One tick; what its sensors read before. No step while the program is halted: the device goes on at the last command.
+    /// One tick; what its sensors read before. No step while the program is halted: the device goes on at the last
+    /// command.
     pub(super) fn step(&mut self, now: Timestamp) -> DeviceSample {
         let before = self.held.unwrap_or_else(|| self.device.sample());
         if self.halt.is_none_or(|halt| halt.until <= now) {
             let since = noticed_since(&mut self.halt);
             for (came, frame) in self.inbox.drain(..) {
-                self.handle.handle_frame(came.max(since), &frame);
+                let came = self.clock.at(came.max(since));
+                self.handle.handle_frame(came, &frame);
             }
-            self.last = self.handle.step(now, &before);
+            self.last = self.handle.step(self.clock.at(now), &before);
             drop(self.handle.poll_retired());
             self.handle.restock();
         }
@@ -97,8 +118,9 @@ impl Hand {
         self.handle.frame_to_send().filter(|_| self.halt.is_none())
     }
 
-    /// Takes the true work of the tick at both ends into the energy balance. The force on the hand is zero on an axis that
-    /// reflects none; the clay's is not, so it is left out there. Where the hand works on a copy, that is the clay it works on.
+    /// Takes the true work of the tick at both ends into the energy balance. The force on the hand is zero on an axis
+    /// that reflects none; the clay's is not, so it is left out there. Where the hand works on a copy, that is the clay
+    /// it works on.
     pub(super) fn observe(
         &mut self,
         before: &DeviceSample,

@@ -15,12 +15,13 @@ use std::time::Duration;
 use teleclay_bilateral::{HandleSide, HandleStep, Lease, ParameterError, ToolSide};
 use teleclay_clay::Clay;
 use teleclay_device::DeviceSample;
+use teleclay_link::conditioner::{Conditioner, Impairment, Stall};
 use teleclay_link::deadband::{DeadbandError, DeadbandSettings};
 use teleclay_link::scheme::ClayCopy;
 use teleclay_link::scheme::replica::Snapshot;
 use teleclay_link::time::Timestamp;
 use teleclay_operator::{Axes, Intent, SimulatedHandle, SimulatedHandleError};
-use teleclay_proto::frame::HandleFrame;
+use teleclay_proto::frame::{HandleFrame, ToolFrame};
 use teleclay_proto::http::{NewSession, SessionPatch};
 use teleclay_proto::join::LoopParameters;
 use teleclay_proto::{Scheme, SessionId};
@@ -30,7 +31,7 @@ use teleclay_session::{
 
 pub use halt::Halt;
 use halt::{Halted, noticed_since};
-use hand::{Hand, UnderWay};
+use hand::{Clock, Hand, UnderWay};
 
 /// Most frames that one tick can deliver to a handle.
 const INBOX: usize = 8192;
@@ -91,6 +92,27 @@ pub struct Rig {
     /// The session's program stands still, and what waits outside of it.
     halt: Option<Halted>,
     outside: Vec<(usize, HandleFrame)>,
+    /// What has come to it in this tick.
+    came_up: Vec<(usize, HandleFrame)>,
+    /// What stands between the lines and the programs, once a test asks for it.
+    wires: Vec<Wires>,
+}
+
+/// A direction each of a network that only stalls, with room for all that a test holds back.
+struct Wires {
+    up: Conditioner<HandleFrame>,
+    down: Conditioner<ToolFrame>,
+}
+
+impl Wires {
+    const ROOM: usize = 1 << 15;
+
+    fn new() -> Self {
+        Self {
+            up: Conditioner::new(Impairment::default(), 0, Self::ROOM),
+            down: Conditioner::new(Impairment::default(), 0, Self::ROOM),
+        }
+    }
 }
 
 impl Rig {
@@ -163,6 +185,8 @@ impl Rig {
             block: clay,
             halt: None,
             outside: Vec::new(),
+            came_up: Vec::new(),
+            wires: Vec::new(),
         })
     }
 
@@ -180,19 +204,35 @@ impl Rig {
         for (slot, hand) in self.hands.iter_mut().enumerate() {
             before[slot % MAX_TOOLS] = Some(hand.step(now));
             if let Some(frame) = hand.frame_to_send() {
-                let bytes = frame.encoded_len() as u64;
-                match self.halt {
-                    Some(Halted {
-                        how: Halt::Program, ..
-                    }) => self.outside.push((slot, frame.clone())),
-                    _ => self.session.handle_frame(now, slot, frame),
-                }
+                let frame = frame.clone();
                 hand.sent.frames += 1;
-                hand.sent.bytes += bytes;
+                hand.sent.bytes += frame.encoded_len() as u64;
+                match self.wires.get_mut(slot) {
+                    Some(wires) => wires.up.push(now, frame),
+                    None => self.came_up.push((slot, frame)),
+                }
+            }
+            if let Some(wires) = self.wires.get_mut(slot) {
+                let due = std::iter::from_fn(|| wires.up.poll(now));
+                self.came_up.extend(due.map(|frame| (slot, frame)));
+            }
+        }
+        let is_stopped = self.halt.is_some_and(|halt| halt.how == Halt::Program);
+        for (slot, frame) in self.came_up.drain(..) {
+            if is_stopped {
+                self.outside.push((slot, frame));
+            } else {
+                self.session.handle_frame(now, slot, &frame);
             }
         }
         if self.halt.is_none() {
             self.tick_session(now);
+        }
+        for (hand, wires) in self.hands.iter_mut().zip(&mut self.wires) {
+            // A handle notices in its next tick what comes in this one.
+            let noticed = now.after(self.tick);
+            let due = std::iter::from_fn(|| wires.down.poll(now));
+            hand.inbox.extend(due.map(|frame| (noticed, frame)));
         }
         let tick_s = self.tick.as_secs_f64();
         for (slot, hand) in self.hands.iter_mut().enumerate() {
@@ -215,7 +255,10 @@ impl Rig {
         // A handle notices in its next tick what a line delivers in this one.
         let noticed = now.after(self.tick);
         while let Some((slot, frame)) = self.session.poll_transmit() {
-            self.hands[slot].inbox.push((noticed, *frame));
+            match self.wires.get_mut(slot) {
+                Some(wires) => wires.down.push(now, *frame),
+                None => self.hands[slot].inbox.push((noticed, *frame)),
+            }
         }
         while self.session.poll_event().is_some() {}
         while self.session.poll_retired().is_some() {}
@@ -311,6 +354,24 @@ impl Rig {
     pub fn halt_session(&mut self, how: Halt, span: Duration) {
         let until = self.now.after(span);
         self.halt = Some(Halted { how, until });
+    }
+
+    /// Beyond the lines, each direction stalls once, whatever they do; what is held back has room.
+    pub fn stall(&mut self, up: Option<Stall>, down: Option<Stall>) {
+        let stalling = |stall| Impairment {
+            stall,
+            ..Impairment::default()
+        };
+        self.wires.resize_with(self.hands.len(), Wires::new);
+        for wires in &mut self.wires {
+            wires.up.impair(stalling(up));
+            wires.down.impair(stalling(down));
+        }
+    }
+
+    /// The clock of the first handle's program is ahead by this much, and runs this many millionths fast.
+    pub fn set_handle_clock(&mut self, ahead: Duration, ppm: f64) {
+        self.hands[0].clock = Clock { ahead, ppm };
     }
 
     /// Changes what the lines do, from the next frame on.

@@ -155,6 +155,20 @@ impl ReplicaHandle {
         }
     }
 
+    fn take_acknowledgement(&mut self, frame: &ToolFrame) {
+        let owner = frame.header.ownership_epoch;
+        if self
+            .owner
+            .replace(owner)
+            .is_some_and(|before| before != owner)
+        {
+            // What came to the server before need not have come to this one.
+            self.log.forget_what_came();
+        }
+        self.log
+            .on_acknowledged(frame.sweeps_acknowledged, &frame.sweep_gaps);
+    }
+
     fn take_relayed(&mut self, now: Timestamp, frame: &ToolFrame) {
         self.inbox.skip_to(frame.relayed.oldest_unacknowledged);
         for record in &frame.relayed {
@@ -315,17 +329,7 @@ impl HandleController for ReplicaHandle {
         self.last_frame = Some(now);
         self.status = frame.status;
         self.far_tool = Some(Vec3::from(frame.position_m) - self.setup.home);
-        let owner = frame.header.ownership_epoch;
-        if self
-            .owner
-            .replace(owner)
-            .is_some_and(|before| before != owner)
-        {
-            // What came to the server before need not have come to this one.
-            self.log.forget_what_came();
-        }
-        self.log
-            .on_acknowledged(frame.sweeps_acknowledged, &frame.sweep_gaps);
+        self.take_acknowledgement(frame);
         let header = &frame.header;
         if let Some(round_trip) = round_trip::of_exchange(now, header.echo_ns, header.echo_hold_ns)
         {
@@ -346,6 +350,13 @@ impl HandleController for ReplicaHandle {
 
     fn on_late_frame(&mut self, now: Timestamp, frame: &ToolFrame) {
         if frame.header.scheme == Scheme::Replica && frame.header.clay_epoch == self.epoch {
+            self.take_relayed(now, frame);
+        }
+    }
+
+    fn on_stale_frame(&mut self, now: Timestamp, frame: &ToolFrame) {
+        if frame.header.scheme == Scheme::Replica && frame.header.clay_epoch == self.epoch {
+            self.take_acknowledgement(frame);
             self.take_relayed(now, frame);
         }
     }

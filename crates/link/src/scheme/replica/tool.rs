@@ -280,6 +280,17 @@ impl ToolController for ReplicaTool {
         }
     }
 
+    fn on_stale_frame(&mut self, now: Timestamp, frame: &HandleFrame) {
+        if !self.is_of_this_generation(frame) {
+            return;
+        }
+        self.relay
+            .on_acknowledged(frame.relayed_acknowledged, &frame.relayed_gaps);
+        let newest = frame.sweeps.iter().map(|sweep| sweep.sequence).max();
+        self.seen = self.seen.max(newest.unwrap_or(0));
+        self.on_late_frame(now, frame);
+    }
+
     fn merge(
         &mut self,
         now: Timestamp,
