@@ -24,6 +24,8 @@ pub struct ArrivalCounts {
     pub lost: u64,
     /// Frames that had waited in a queue: see [`freshness`](crate::freshness).
     pub stale: u64,
+    /// Frames that [`check`](crate::safety::check) did not let in.
+    pub implausible: u64,
 }
 
 impl ArrivalCounts {
@@ -36,6 +38,7 @@ impl ArrivalCounts {
             reordered: self.reordered + other.reordered,
             lost: self.lost + other.lost,
             stale: self.stale + other.stale,
+            implausible: self.implausible + other.implausible,
         }
     }
 }
@@ -85,6 +88,11 @@ impl Arrivals {
     /// The frame noted last is stale.
     pub fn on_stale(&mut self) {
         self.counts.stale += 1;
+    }
+
+    /// The frame noted last holds a number that is no measurement.
+    pub fn on_implausible(&mut self) {
+        self.counts.implausible += 1;
     }
 
     /// Counts so far.

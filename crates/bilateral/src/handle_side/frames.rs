@@ -3,7 +3,7 @@
 use teleclay_link::Vec3;
 use teleclay_link::arrivals::Arrival;
 use teleclay_link::freshness::Age;
-use teleclay_link::safety::check;
+use teleclay_link::safety::{Measure, check};
 use teleclay_link::scheme::HandlePort;
 use teleclay_link::time::Timestamp;
 use teleclay_proto::frame::{CopyState, Corrections, Gaps, Sweeps, ToolFrame};
@@ -24,14 +24,15 @@ impl HandleSide {
         own.ownership_epoch = header.ownership_epoch;
         let arrival = self.arrivals.on_sequence(header.sequence);
         let outside = [
-            ("position_m", &frame.position_m[..]),
-            ("velocity_m_s", &frame.velocity_m_s),
-            ("force_n", &frame.force_n),
-            ("wave", &frame.wave),
-            ("wave_integral", &frame.wave_integral),
-            ("energy_in_j", &frame.energy_in_j),
+            ("position_m", Measure::Position, &frame.position_m[..]),
+            ("velocity_m_s", Measure::Velocity, &frame.velocity_m_s),
+            ("force_n", Measure::Force, &frame.force_n),
+            ("wave", Measure::Wave, &frame.wave),
+            ("wave_integral", Measure::Sum, &frame.wave_integral),
+            ("energy_in_j", Measure::Sum, &frame.energy_in_j),
         ];
         if let Err(fault) = check(&outside) {
+            self.arrivals.on_implausible();
             self.fault = Some(fault);
             return;
         }

@@ -21,7 +21,7 @@ use teleclay_link::deadband::{Deadband, DeadbandError, DeadbandSettings};
 use teleclay_link::freshness::Freshness;
 use teleclay_link::replica::ToolSetup;
 use teleclay_link::round_trip::RoundTrip;
-use teleclay_link::safety::{ForceLimiter, NotFinite, Watchdog, check};
+use teleclay_link::safety::{ForceLimiter, Implausible, Measure, Watchdog, check};
 use teleclay_link::scheme::replica::{Snapshot, WantedSnapshot};
 use teleclay_link::scheme::{
     ClayCopy, HandleController, HandlePort, SchemeContext, handle_controller,
@@ -134,7 +134,7 @@ pub struct HandleSide {
     status: LoopStatus,
     /// When the tool side was seen to go, until it is heard of again.
     gone_since: Option<Timestamp>,
-    fault: Option<NotFinite>,
+    fault: Option<Implausible>,
     frame: HandleFrame,
     deadband: Option<Deadband>,
     /// Engagement and scheme as last sent.
@@ -218,9 +218,17 @@ impl HandleSide {
     /// One tick.
     pub fn step(&mut self, now: Timestamp, sample: &DeviceSample) -> HandleStep {
         let measured = [
-            ("device position_m", &sample.position_m[..]),
-            ("device velocity_m_s", &sample.velocity_m_s),
-            ("device hand_force_n", &sample.hand_force_n),
+            (
+                "device position_m",
+                Measure::Position,
+                &sample.position_m[..],
+            ),
+            (
+                "device velocity_m_s",
+                Measure::Velocity,
+                &sample.velocity_m_s,
+            ),
+            ("device hand_force_n", Measure::Force, &sample.hand_force_n),
         ];
         if let Err(fault) = check(&measured) {
             self.fault = Some(fault);
@@ -358,7 +366,7 @@ impl HandleSide {
     }
 
     /// The value that ended this loop, if one did.
-    pub fn fault(&self) -> Option<NotFinite> {
+    pub fn fault(&self) -> Option<Implausible> {
         self.fault
     }
 

@@ -2,7 +2,7 @@
 
 use teleclay_link::arrivals::Arrival;
 use teleclay_link::freshness::Age;
-use teleclay_link::safety::check;
+use teleclay_link::safety::{Measure, check};
 use teleclay_link::time::Timestamp;
 use teleclay_proto::frame::{Engagement, HandleFrame, LoopStatus, SweepRefusal};
 
@@ -29,17 +29,22 @@ impl ToolSide {
             corrections.tank_j.into(),
         ];
         let outside = [
-            ("position_m", &frame.position_m[..]),
-            ("velocity_m_s", &frame.velocity_m_s),
-            ("hand_force_n", &frame.hand_force_n),
-            ("felt_force_n", &frame.felt_force_n),
-            ("wave", &frame.wave),
-            ("wave_integral", &frame.wave_integral),
-            ("energy_in_j", &frame.energy_in_j),
-            ("corrections.held_n", &corrections.held_n.map(f64::from)),
-            ("corrections", &scalars),
+            ("position_m", Measure::Position, &frame.position_m[..]),
+            ("velocity_m_s", Measure::Velocity, &frame.velocity_m_s),
+            ("hand_force_n", Measure::Force, &frame.hand_force_n),
+            ("felt_force_n", Measure::Force, &frame.felt_force_n),
+            ("wave", Measure::Wave, &frame.wave),
+            ("wave_integral", Measure::Sum, &frame.wave_integral),
+            ("energy_in_j", Measure::Sum, &frame.energy_in_j),
+            (
+                "corrections.held_n",
+                Measure::Force,
+                &corrections.held_n.map(f64::from),
+            ),
+            ("corrections", Measure::Sum, &scalars),
         ];
         if let Err(fault) = check(&outside) {
+            self.arrivals.on_implausible();
             self.fault = Some(fault);
             return;
         }

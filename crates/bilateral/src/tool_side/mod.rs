@@ -23,7 +23,7 @@ use teleclay_link::freshness::Freshness;
 use teleclay_link::motion_limiter::MotionLimiter;
 use teleclay_link::replica::{Cut, ToolSetup};
 use teleclay_link::round_trip::RoundTrip;
-use teleclay_link::safety::{NotFinite, Watchdog};
+use teleclay_link::safety::{Implausible, Watchdog};
 use teleclay_link::scheme::replica::MergeContext;
 use teleclay_link::scheme::{Generation, ToolController, tool_controller};
 use teleclay_link::time::Timestamp;
@@ -106,7 +106,7 @@ pub struct ToolSide {
     left_at: Option<Timestamp>,
     /// Whether the newest frame under this lease was meant for an earlier server of the session.
     names_another_owner: bool,
-    fault: Option<NotFinite>,
+    fault: Option<Implausible>,
     handle: FarHandle,
     frame: ToolFrame,
     deadband: Option<Deadband>,
@@ -364,7 +364,7 @@ impl ToolSide {
     }
 
     /// The value that ended this loop, if one did.
-    pub fn fault(&self) -> Option<NotFinite> {
+    pub fn fault(&self) -> Option<Implausible> {
         self.fault
     }
 
