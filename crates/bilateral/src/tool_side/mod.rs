@@ -10,6 +10,7 @@
 
 mod frames;
 mod motion;
+mod track;
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -33,6 +34,7 @@ use teleclay_proto::join::LoopParameters;
 
 use crate::parameters::{LoopModel, ParameterError};
 use crate::tool_view::{FarHandle, NearTool, ToolView};
+use track::Track;
 
 /// Cuts that one tick can make: its own or, where sweeps are merged, as many as a tick may merge.
 pub const CUTS_A_TICK: usize = 64;
@@ -83,6 +85,7 @@ pub struct ToolSide {
     base: Vec3,
     position: Vec3,
     velocity: Vec3,
+    track: Track,
     motion_limiter: MotionLimiter,
     /// Whether the handle's sweeps led in the last tick.
     was_led: bool,
@@ -137,6 +140,7 @@ impl ToolSide {
             base: Vec3::zeros(),
             position: Vec3::zeros(),
             velocity: Vec3::zeros(),
+            track: Track::new(),
             motion_limiter: MotionLimiter::new(model.setup().motion_limits),
             was_led: false,
             cuts: Vec::with_capacity(CUTS_A_TICK),
@@ -290,6 +294,7 @@ impl ToolSide {
                 step
             }
         };
+        self.track.push(now, self.position);
         self.handle.on_step(self.velocity, self.clay_force, tick_s);
         self.fill_frame(now, status, step);
         step
@@ -378,15 +383,23 @@ impl ToolSide {
         &self.round_trip
     }
 
-    /// Distance between the tool and the image of the handle as last received, over the axes that reflect force, m.
+    /// Distance between the tool and the image of the handle at one instant, over the axes that reflect force, m: when
+    /// the handle's newest frame was sent, by the handle's own stamp and what is known of the offset of the clocks.
+    /// Where that is nothing yet, the tool as it is now.
     pub fn coordination_m(&self) -> f64 {
-        self.distance_from_m(self.handle.position().into())
+        let sent_ns = self.handle.sent_ns();
+        let then = self.round_trip.ours_ns(sent_ns);
+        let tool = then.and_then(|instant_ns| self.track.at(instant_ns));
+        self.apart_m(self.handle.position(), tool.unwrap_or(self.position))
     }
 
-    /// Distance between the tool and the image of a handle position, over the axes that reflect force, m.
+    /// Distance between the tool as it is now and the image of a handle position, over the axes that reflect force, m.
     pub fn distance_from_m(&self, handle_position_m: [f64; 3]) -> f64 {
-        let wanted = Vec3::from(handle_position_m) * self.model.coupling().position_ratio;
-        let error = wanted - self.position;
+        self.apart_m(handle_position_m.into(), self.position)
+    }
+
+    fn apart_m(&self, handle: Vec3, tool: Vec3) -> f64 {
+        let error = handle * self.model.coupling().position_ratio - tool;
         (0..self.model.axes)
             .map(|axis| error[axis] * error[axis])
             .sum::<f64>()

@@ -23,6 +23,7 @@ impl ToolSide {
             .put(handle * self.model.coupling().position_ratio);
         self.base = place;
         self.position = place;
+        self.track.forget();
         self.velocity = Vec3::zeros();
         self.was_led = false;
         self.inverse = [State::default(); 3];
