@@ -15,7 +15,7 @@ use teleclay_bilateral::{HandleSide, HandleStep, LinkState, Retired};
 use teleclay_device::DeviceSample;
 use teleclay_link::arrivals::ArrivalCounts;
 use teleclay_link::replica::ToolSetup;
-use teleclay_link::safety::NotFinite;
+use teleclay_link::safety::Implausible;
 use teleclay_link::scheme::HandleController;
 use teleclay_link::scheme::replica::Snapshot;
 use teleclay_link::time::Timestamp;
@@ -120,7 +120,7 @@ pub(crate) struct Record {
     /// What corrections of it have done to the hand.
     pub(crate) corrections: Corrections,
     pub(crate) wanted: Wanted,
-    pub(crate) fault: Option<NotFinite>,
+    pub(crate) fault: Option<Implausible>,
     pub(crate) request: Option<DeviceRequest>,
     pub(crate) robot: Option<RobotState>,
 }

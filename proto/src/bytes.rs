@@ -44,10 +44,6 @@ impl<'a> Reader<'a> {
         self.array().map(u32::from_le_bytes)
     }
 
-    pub(crate) fn i32(&mut self) -> Result<i32, FrameError> {
-        self.array().map(i32::from_le_bytes)
-    }
-
     pub(crate) fn u64(&mut self) -> Result<u64, FrameError> {
         self.array().map(u64::from_le_bytes)
     }
@@ -66,10 +62,6 @@ impl<'a> Reader<'a> {
 
     pub(crate) fn f64x3(&mut self) -> Result<[f64; 3], FrameError> {
         Ok([self.f64()?, self.f64()?, self.f64()?])
-    }
-
-    pub(crate) fn i32x3(&mut self) -> Result<[i32; 3], FrameError> {
-        Ok([self.i32()?, self.i32()?, self.i32()?])
     }
 
     /// Zeros that keep the layout aligned. Anything else is an error, so that what decodes also encodes to the same bytes.
@@ -105,6 +97,11 @@ impl<'a> Writer<'a> {
     pub(crate) fn put<const N: usize>(&mut self, field: [u8; N]) {
         self.bytes[self.at..self.at + N].copy_from_slice(&field);
         self.at += N;
+    }
+
+    pub(crate) fn slice(&mut self, bytes: &[u8]) {
+        self.bytes[self.at..self.at + bytes.len()].copy_from_slice(bytes);
+        self.at += bytes.len();
     }
 
     pub(crate) fn f32x3(&mut self, field: [f32; 3]) {

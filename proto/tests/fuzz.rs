@@ -6,7 +6,7 @@
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use teleclay_proto::NodeName;
-use teleclay_proto::frame::{HandleFrame, Header, MAX_FRAME, SweepRecord, ToolFrame};
+use teleclay_proto::frame::{Gap, HandleFrame, Header, MAX_FRAME, SweepRecord, ToolFrame};
 use teleclay_proto::http::{ClayShape, NewSession, Validate, parse};
 use teleclay_proto::join::{
     ClayDescription, FreshReply, FreshRequest, Granted, JoinReply, JoinRequest, LeaveReply,
@@ -171,6 +171,7 @@ impl Scratch {
 fn decode_with_everything(input: &[u8], scratch: &mut Scratch, accepted: &mut Accepted) {
     if let Ok(frame) = HandleFrame::decode(input) {
         assert_eq!(frame.encode(&mut scratch.frame), input);
+        assert_eq!(frame.sweeps.iter().count(), frame.sweeps.len());
         accepted.handle += 1;
     }
     if let Ok(frame) = ToolFrame::decode(input) {
@@ -230,11 +231,18 @@ fn binary_seeds() -> Vec<Vec<u8>> {
             .sweeps
             .push(SweepRecord {
                 sequence,
-                from: [-1; 3],
-                to: [1; 3],
+                from: [sequence as i32; 3],
+                to: [sequence as i32 + 1; 3],
             })
             .expect("three fit");
     }
+    handle
+        .relayed_gaps
+        .push(Gap {
+            missing: 3,
+            come: 1,
+        })
+        .expect("one fits");
     let mut seeds = vec![
         bare,
         handle.encode(&mut buffer).to_vec(),

@@ -4,8 +4,9 @@ use proptest::array::uniform3;
 use proptest::collection::vec;
 use proptest::prelude::*;
 use teleclay_proto::frame::{
-    CopyState, Corrections, Engagement, HandleFrame, Header, LoopStatus, MAX_FRAME, MAX_SWEEPS,
-    SweepRecord, SweepRefusal, Sweeps, SweepsFull, ToolFrame,
+    CopyState, Corrections, Engagement, Gap, Gaps, HandleFrame, Header, LoopStatus, MAX_FRAME,
+    MAX_GAPS, MAX_SWEEPS, NoGap, SWEEP_BYTES, SweepRecord, SweepRefusal, Sweeps, SweepsFull,
+    ToolFrame,
 };
 use teleclay_proto::watch::{
     BRICK_VOXELS, BrickBody, BrickContent, BricksHeader, BricksKind, BricksView, BricksWriter,
@@ -44,11 +45,54 @@ fn any_header() -> impl Strategy<Value = Header> {
     )
 }
 
-fn any_sweep() -> impl Strategy<Value = SweepRecord> {
-    any::<(u32, [i32; 3], [i32; 3])>().prop_map(|(sequence, from, to)| SweepRecord {
-        sequence,
-        from,
-        to,
+/// A list of sweeps as a tool makes them, and the list that was pushed: mostly each goes on from the last by a little, but it leaps, and numbers are missing.
+fn any_list() -> impl Strategy<Value = (Sweeps, Vec<SweepRecord>)> {
+    let step = prop_oneof![
+        4 => any::<[i16; 3]>().prop_map(|step| step.map(i32::from)),
+        1 => any::<[i32; 3]>(),
+    ];
+    let next = prop_oneof![
+        6 => Just(None),
+        1 => any::<(u32, [i32; 3])>().prop_map(Some),
+    ];
+    let start = any::<(u32, u32, [i32; 3])>();
+    (start, vec((next, step), 0..=2 * MAX_SWEEPS)).prop_map(|((oldest, first, at), steps)| {
+        let mut sweeps = Sweeps::new(oldest);
+        let mut pushed = Vec::new();
+        let (mut sequence, mut at) = (first, at);
+        for (leap, step) in steps {
+            (sequence, at) = leap.unwrap_or((sequence.wrapping_add(1), at));
+            let to = std::array::from_fn(|axis| at[axis].wrapping_add(step[axis]));
+            let sweep = SweepRecord {
+                sequence,
+                from: at,
+                to,
+            };
+            let needed = sweep.bytes_after(pushed.last());
+            match sweeps.push(sweep) {
+                Ok(()) => pushed.push(sweep),
+                Err(SweepsFull) => {
+                    assert!(SWEEP_BYTES < sweeps.bytes() + needed);
+                    break;
+                }
+            }
+            at = to;
+        }
+        (sweeps, pushed)
+    })
+}
+
+fn any_sweeps() -> impl Strategy<Value = Sweeps> {
+    any_list().prop_map(|(sweeps, _)| sweeps)
+}
+
+fn any_gaps() -> impl Strategy<Value = Gaps> {
+    vec((1..=u16::MAX, 1..=u16::MAX), 0..=MAX_GAPS).prop_map(|pairs| {
+        let mut gaps = Gaps::default();
+        for (missing, come) in pairs {
+            gaps.push(Gap { missing, come }).expect("no more than fit");
+        }
+        gaps
     })
 }
 
@@ -59,7 +103,7 @@ fn any_vectors<const N: usize>() -> impl Strategy<Value = [[f64; 3]; N]> {
 
 fn any_handle_frame() -> impl Strategy<Value = HandleFrame> {
     let engagement = 0..Engagement::ALL.len();
-    let copy = (0..CopyState::ALL.len(), any::<u32>());
+    let copy = (0..CopyState::ALL.len(), any::<u32>(), any_gaps());
     (
         any_header(),
         engagement,
@@ -75,7 +119,7 @@ fn any_handle_frame() -> impl Strategy<Value = HandleFrame> {
                 engagement,
                 vectors,
                 clay_hash,
-                (copy, relayed_acknowledged),
+                (copy, relayed_acknowledged, relayed_gaps),
                 corrections,
                 sweeps,
             )| {
@@ -100,6 +144,7 @@ fn any_handle_frame() -> impl Strategy<Value = HandleFrame> {
                     energy_in_j,
                     clay_hash,
                     relayed_acknowledged,
+                    relayed_gaps,
                     copy: CopyState::ALL[copy],
                     corrections,
                     sweeps,
@@ -122,16 +167,6 @@ fn any_corrections() -> impl Strategy<Value = Corrections> {
     })
 }
 
-fn any_sweeps() -> impl Strategy<Value = Sweeps> {
-    (any::<u32>(), vec(any_sweep(), 0..=MAX_SWEEPS)).prop_map(|(oldest, records)| {
-        let mut sweeps = Sweeps::new(oldest);
-        for record in records {
-            sweeps.push(record).expect("no more than fit");
-        }
-        sweeps
-    })
-}
-
 fn any_tool_frame() -> impl Strategy<Value = ToolFrame> {
     let words = (0..LoopStatus::ALL.len(), 0..SweepRefusal::ALL.len());
     (
@@ -139,7 +174,7 @@ fn any_tool_frame() -> impl Strategy<Value = ToolFrame> {
         words,
         any_vectors::<6>(),
         any::<[u64; 2]>(),
-        any::<[u32; 2]>(),
+        (any::<[u32; 2]>(), any_gaps()),
         any_sweeps(),
     )
         .prop_map(
@@ -148,7 +183,7 @@ fn any_tool_frame() -> impl Strategy<Value = ToolFrame> {
                 (status, refusal),
                 vectors,
                 [area, clay_hash],
-                [sweeps_acknowledged, sweeps_refused],
+                ([sweeps_acknowledged, sweeps_refused], sweep_gaps),
                 relayed,
             )| {
                 let [
@@ -171,6 +206,7 @@ fn any_tool_frame() -> impl Strategy<Value = ToolFrame> {
                     energy_in_j,
                     engaged_area_m2: f64::from_bits(area),
                     sweeps_acknowledged,
+                    sweep_gaps,
                     sweeps_refused,
                     clay_hash,
                     relayed,
@@ -240,11 +276,35 @@ fn any_brick() -> impl Strategy<Value = Box<[u8; BRICK_VOXELS]>> {
 }
 
 proptest! {
+    /// What is pushed is what is read, here and at the other end, and a list that was read can be added to.
+    #[test]
+    fn lists_of_sweeps((sweeps, pushed) in any_list()) {
+        prop_assert!(sweeps.iter().eq(pushed.iter().copied()));
+        prop_assert_eq!(sweeps.len(), pushed.len());
+        let before = std::iter::once(None).chain(pushed.iter().map(Some));
+        let bytes: usize = pushed.iter().zip(before).map(|(sweep, before)| sweep.bytes_after(before)).sum();
+        prop_assert_eq!(sweeps.bytes(), bytes);
+        let frame = HandleFrame { sweeps, ..HandleFrame::default() };
+        let mut buffer = [0xaa; MAX_FRAME];
+        let mut decoded = HandleFrame::decode(frame.encode(&mut buffer)).expect("it was encoded");
+        prop_assert!(decoded.sweeps.iter().eq(pushed.iter().copied()));
+        prop_assert_eq!(decoded.sweeps.len(), pushed.len());
+        let more = SweepRecord {
+            sequence: pushed.last().map_or(7, |last| last.sequence.wrapping_add(1)),
+            from: pushed.last().map_or([0; 3], |last| last.to),
+            to: [5; 3],
+        };
+        if decoded.sweeps.push(more).is_ok() {
+            let twice = HandleFrame::decode(decoded.encode(&mut buffer)).expect("it was encoded");
+            prop_assert!(twice.sweeps.iter().eq(pushed.into_iter().chain([more])));
+        }
+    }
+
     #[test]
     fn handle_frames(frame in any_handle_frame()) {
         let mut buffer = [0xaa; MAX_FRAME];
         let bytes = frame.encode(&mut buffer).to_vec();
-        prop_assert_eq!(bytes.len(), 276 + 28 * frame.sweeps.len());
+        prop_assert_eq!(bytes.len(), 276 + frame.sweeps.bytes() + 4 * frame.relayed_gaps.as_slice().len());
         let decoded = HandleFrame::decode(&bytes).expect("it was encoded");
         // NaN is not equal to itself, so the bytes are compared, and field by field what a swap would show in.
         prop_assert_eq!(decoded.encode(&mut buffer), bytes);
@@ -252,6 +312,7 @@ proptest! {
         prop_assert_eq!(decoded.engagement, frame.engagement);
         prop_assert_eq!(decoded.clay_hash, frame.clay_hash);
         prop_assert_eq!(&decoded.sweeps, &frame.sweeps);
+        prop_assert_eq!(&decoded.relayed_gaps, &frame.relayed_gaps);
         prop_assert_eq!(decoded.sweeps.iter().count(), frame.sweeps.len());
     }
 
@@ -259,12 +320,13 @@ proptest! {
     fn tool_frames(frame in any_tool_frame()) {
         let mut buffer = [0xaa; MAX_FRAME];
         let bytes = frame.encode(&mut buffer).to_vec();
-        prop_assert_eq!(bytes.len(), 232 + 28 * frame.relayed.len());
+        prop_assert_eq!(bytes.len(), 232 + frame.relayed.bytes() + 4 * frame.sweep_gaps.as_slice().len());
         let decoded = ToolFrame::decode(&bytes).expect("it was encoded");
         prop_assert_eq!(decoded.encode(&mut buffer), bytes);
         prop_assert_eq!(decoded.header, frame.header);
         prop_assert_eq!((decoded.status, decoded.refusal), (frame.status, frame.refusal));
         prop_assert_eq!(decoded.sweeps_acknowledged, frame.sweeps_acknowledged);
+        prop_assert_eq!(decoded.sweep_gaps, frame.sweep_gaps);
         prop_assert_eq!(decoded.sweeps_refused, frame.sweeps_refused);
     }
 
@@ -385,22 +447,32 @@ proptest! {
 }
 
 #[test]
-fn a_list_of_sweeps_takes_24_and_no_more() {
-    let mut sweeps = Sweeps::default();
-    assert!(sweeps.is_empty());
-    assert_eq!(sweeps.oldest_unacknowledged, 1);
-    let sweep = |sequence| SweepRecord {
-        sequence,
-        from: [0; 3],
-        to: [1; 3],
+fn a_tool_that_goes_on_finds_room_for_130_sweeps_and_one_that_leaps_for_25() {
+    let filled = |from_of: fn(i32) -> [i32; 3]| {
+        let mut sweeps = Sweeps::default();
+        assert_eq!((sweeps.len(), sweeps.bytes(), sweeps.last()), (0, 0, None));
+        for k in 0.. {
+            let from = from_of(k);
+            let sweep = SweepRecord {
+                sequence: k as u32,
+                from,
+                to: from.map(|coordinate| coordinate + 7),
+            };
+            if sweeps.push(sweep) == Err(SweepsFull) {
+                assert!(sweeps.iter().map(|sweep| sweep.sequence).eq(0..k as u32));
+                assert_eq!(
+                    sweeps.last().map(|sweep| sweep.sequence),
+                    Some(k as u32 - 1)
+                );
+                return sweeps;
+            }
+        }
+        unreachable!("it has a bound");
     };
-    for sequence in 0..24 {
-        assert!(!sweeps.is_full());
-        assert_eq!(sweeps.push(sweep(sequence)), Ok(()));
-    }
-    assert!(sweeps.is_full());
-    assert_eq!(sweeps.push(sweep(24)), Err(SweepsFull));
-    assert!(sweeps.iter().map(|sweep| sweep.sequence).eq(0..24));
+    let mut sweeps = filled(|k| [7 * k; 3]);
+    assert_eq!(sweeps.len(), MAX_SWEEPS);
+    assert_eq!(MAX_SWEEPS, 130);
+    assert_eq!(filled(|k| [8 * k; 3]).len(), 800 / 26);
     sweeps.clear();
     assert!(sweeps.is_empty());
     // What is no longer in the list does not make two lists differ, nor reach the wire.
@@ -414,19 +486,51 @@ fn a_list_of_sweeps_takes_24_and_no_more() {
 }
 
 #[test]
+fn gaps_say_which_numbers_have_come() {
+    let mut gaps = Gaps::default();
+    for (missing, come) in [(1, 2), (3, 1), (2, 4)] {
+        gaps.push(Gap { missing, come }).expect("it is one");
+    }
+    let come: Vec<[u32; 2]> = gaps.come_after(10).collect();
+    assert_eq!(come, [[12, 13], [17, 17], [20, 23]]);
+    let wrapped: Vec<[u32; 2]> = gaps.come_after(u32::MAX - 1).collect();
+    assert_eq!(wrapped[0], [0, 1]);
+    for (missing, come) in [(0, 1), (1, 0)] {
+        assert_eq!(gaps.push(Gap { missing, come }), Err(NoGap));
+    }
+    let one = Gap {
+        missing: 1,
+        come: 1,
+    };
+    while gaps.push(one).is_ok() {}
+    assert_eq!(gaps.as_slice().len(), MAX_GAPS);
+    gaps.clear();
+    assert_eq!(gaps, Gaps::default());
+}
+
+#[test]
 fn the_longest_frame_fills_the_buffer() {
     let mut frame = HandleFrame::default();
-    while frame
-        .sweeps
-        .push(SweepRecord {
-            sequence: 1,
-            from: [0; 3],
-            to: [0; 3],
-        })
-        .is_ok()
-    {}
-    assert_eq!(frame.encode(&mut [0; MAX_FRAME]).len(), MAX_FRAME);
-    assert_eq!(MAX_FRAME, 948);
+    let sweep = |sequence, width: i32| SweepRecord {
+        sequence,
+        from: [0; 3],
+        to: [width; 3],
+    };
+    // A run of two long steps and 29 short ones leave no byte.
+    frame.sweeps.push(sweep(1, 0x8000)).expect("it fits");
+    for sequence in (10..).step_by(2) {
+        if frame.sweeps.push(sweep(sequence, 1)).is_err() {
+            break;
+        }
+    }
+    let one = Gap {
+        missing: 1,
+        come: 1,
+    };
+    while frame.relayed_gaps.push(one).is_ok() {}
+    let left = SWEEP_BYTES - frame.sweeps.bytes();
+    assert_eq!(frame.encode(&mut [0; MAX_FRAME]).len(), MAX_FRAME - left);
+    assert_eq!(MAX_FRAME, 1140);
 }
 
 #[test]

@@ -226,14 +226,18 @@ fn a_handle_frame_laid_out_by_hand() {
         "0000000000002540 0000000000002740 0000000000002940", // its integral 10.5, 11.5, 12.5
         "fca9f1d24d62503f fca9f1d24d62603f fa7e6abc7493683f", // energy 0.001, 0.002, 0.003
         "1032547698badcfe",                      // clay hash fedcba9876543210
-        "51525354 02 000000",                    // relayed sweeps acknowledged, a stale copy
-        "000000000000f83f",                      // corrections: moved 1.5 N so far
-        "0000003f 000040bf 0000803d 0000c03e",   // 1/2, -3/4, 1/16 N held, a step of 3/8 N
-        "0000003b 0000003d 61626364",            // 2^-9 J brought in, 2^-5 J in the tank, count
-        "feffffff 03 000000",                    // oldest 2^32 - 2, three sweeps
-        "feffffff 00000000 01000000 ffffffff 00000080 ffffff7f 01020304",
-        "ffffffff 02000000 03000000 04000000 05000000 06000000 07000000",
-        "00000000 feffffff fdffffff fcffffff fbffffff faffffff f9ffffff",
+        "51525354 02 02 0000", // relayed sweeps acknowledged, a stale copy, two gaps
+        "000000000000f83f",    // corrections: moved 1.5 N so far
+        "0000003f 000040bf 0000803d 0000c03e", // 1/2, -3/4, 1/16 N held, a step of 3/8 N
+        "0000003b 0000003d 61626364", // 2^-9 J brought in, 2^-5 J in the tank, count
+        "feffffff 03 000000",  // oldest 2^32 - 2, three runs
+        "feffffff 01 04 0000 00000000 01000000 ffffffff", // one sweep, four bytes a coordinate, from 0, 1, -1
+        "00000080 feffff7f 02020304",                     // by -2^31, 2^31 - 2, 0x04030202
+        "ffffffff 02 02 0000 02000000 03000000 04000000", // two sweeps, two bytes a coordinate
+        "0300 0300 0300 0080 ff7f 0000",                  // by 3, 3, 3, then by -2^15, 2^15 - 1, 0
+        "02000000 01 02 0000 feffffff fdffffff fcffffff", // number 2, from -2, -3, -4
+        "fdff fdff fdff",                                 // by -3 each
+        "0100 0200 71727374", // one missing and two come, 0x7271 and 0x7473
     ];
     assert_eq!(
         list(&file("handle_frames.json"), "cases")[1]["hex"],
@@ -255,9 +259,11 @@ fn a_tool_frame_laid_out_by_hand() {
         "0000000000002540 0000000000002740 0000000000002940", // its integral 10.5, 11.5, 12.5
         "fca9f1d24d62503f fca9f1d24d62603f fa7e6abc7493683f", // energy 0.001, 0.002, 0.003
         "2d431cebe2361a3f 1032547698badcfe",     // 1e-4 m2, clay hash
-        "41424344 45464748 02 00000000000000",   // acknowledged, refused, too_fast
-        "08000000 01 000000",                    // oldest 8, one relayed sweep
-        "09000000 02000000 03000000 04000000 feffffff fdffffff fcffffff",
+        "41424344 45464748 02 01 000000000000",  // acknowledged, refused, too_fast, one gap
+        "08000000 01 000000",                    // oldest 8, one run of relayed sweeps
+        "09000000 01 02 0000 02000000 03000000 04000000",
+        "fcff faff f8ff", // by -4, -6, -8
+        "51525354",       // 0x5251 missing, 0x5453 come
     ];
     assert_eq!(
         list(&file("tool_frames.json"), "cases")[1]["hex"],

@@ -94,6 +94,11 @@ impl FarHandle {
         Vec3::from(self.velocity_m_s)
     }
 
+    /// When the newest frame was sent, on the handle's clock, ns.
+    pub(crate) fn sent_ns(&self) -> u64 {
+        self.sent_ns
+    }
+
     /// The newest frame of the handle. It stands for `longest_s` of silence before it at most.
     pub(crate) fn on_frame(&mut self, frame: &HandleFrame, longest_s: f64) {
         let felt = Vec3::from(frame.felt_force_n);

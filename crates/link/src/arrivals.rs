@@ -22,6 +22,10 @@ pub struct ArrivalCounts {
     pub reordered: u64,
     /// Frames that had not come when the [`MEMORY`] after them were due.
     pub lost: u64,
+    /// Frames that had waited in a queue: see [`freshness`](crate::freshness).
+    pub stale: u64,
+    /// Frames that [`check`](crate::safety::check) did not let in.
+    pub implausible: u64,
 }
 
 impl ArrivalCounts {
@@ -33,6 +37,8 @@ impl ArrivalCounts {
             duplicates: self.duplicates + other.duplicates,
             reordered: self.reordered + other.reordered,
             lost: self.lost + other.lost,
+            stale: self.stale + other.stale,
+            implausible: self.implausible + other.implausible,
         }
     }
 }
@@ -77,6 +83,16 @@ impl Arrivals {
         self.counts.received += 1;
         self.counts.reordered += 1;
         Arrival::Late
+    }
+
+    /// The frame noted last is stale.
+    pub fn on_stale(&mut self) {
+        self.counts.stale += 1;
+    }
+
+    /// The frame noted last holds a number that is no measurement.
+    pub fn on_implausible(&mut self) {
+        self.counts.implausible += 1;
     }
 
     /// Counts so far.

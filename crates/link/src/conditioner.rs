@@ -44,6 +44,28 @@ pub struct Outages {
     pub length: Duration,
 }
 
+/// A line that stands still for a while and loses nothing by it: what queued up comes afterwards, in its order, as over a stream that repeats what
+/// was lost.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stall {
+    /// When it begins.
+    pub from: Timestamp,
+    /// How long it lasts.
+    pub length: Duration,
+    /// How many times as fast as it was sent the queue is delivered: above 1, infinite for all of it at once.
+    pub drain: f64,
+}
+
+/// What becomes of a message that comes to the line's end after a newer one.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Overtaken {
+    /// It is handed out, late.
+    #[default]
+    Delivered,
+    /// It is dropped, as transports do that deliver in order and repeat nothing; so is every copy after the first.
+    Dropped,
+}
+
 /// What one direction of a network does. `Impairment::default()` is a perfect line.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Impairment {
@@ -63,6 +85,10 @@ pub struct Impairment {
     pub bursts: Option<Bursts>,
     /// Periodic cuts of the line, on top of everything.
     pub outages: Option<Outages>,
+    /// A stall of the line, on top of everything.
+    pub stall: Option<Stall>,
+    /// What becomes of messages that were overtaken.
+    pub overtaken: Overtaken,
 }
 
 /// What became of the messages so far.
@@ -78,11 +104,15 @@ pub struct Fates {
     pub duplicated: u64,
     /// Messages refused because `capacity` were in flight.
     pub overflowed: u64,
+    /// Messages and copies dropped because a newer one had been handed out.
+    pub overtaken: u64,
 }
 
 struct InFlight<T> {
     release: Timestamp,
     order: u64,
+    /// Which push it is of, from 1.
+    number: u64,
     message: T,
 }
 
@@ -112,6 +142,8 @@ pub struct Conditioner<T> {
     in_flight: BinaryHeap<InFlight<T>>,
     capacity: usize,
     launched: u64,
+    /// Number of the newest message handed out.
+    newest_out: u64,
     fates: Fates,
 }
 
@@ -125,6 +157,7 @@ impl<T: Clone> Conditioner<T> {
             in_flight: BinaryHeap::with_capacity(capacity),
             capacity,
             launched: 0,
+            newest_out: 0,
             fates: Fates::default(),
         }
     }
@@ -195,9 +228,16 @@ impl<T: Clone> Conditioner<T> {
     /// As [`poll`](Self::poll), with the instant at which the message fell due: whoever polls once a tick can tell the line's
     /// delay from its own.
     pub fn poll_with_arrival(&mut self, now: Timestamp) -> Option<(Timestamp, T)> {
-        if self.in_flight.peek()?.release <= now {
+        while self.in_flight.peek()?.release <= now {
+            let due = self.in_flight.pop()?;
+            let is_overtaken = due.number <= self.newest_out;
+            if is_overtaken && self.impairment.overtaken == Overtaken::Dropped {
+                self.fates.overtaken += 1;
+                continue;
+            }
+            self.newest_out = self.newest_out.max(due.number);
             self.fates.delivered += 1;
-            return self.in_flight.pop().map(|due| (due.release, due.message));
+            return Some((due.release, due.message));
         }
         None
     }
@@ -207,15 +247,16 @@ impl<T: Clone> Conditioner<T> {
         self.in_flight.peek().map(|next| next.release)
     }
 
-    fn launch(&mut self, release: Timestamp, message: T) {
+    fn launch(&mut self, due: Timestamp, message: T) {
         if self.capacity <= self.in_flight.len() {
             self.fates.overflowed += 1;
             return;
         }
         self.launched += 1;
         self.in_flight.push(InFlight {
-            release,
+            release: self.held_back(due),
             order: self.launched,
+            number: self.fates.pushed,
             message,
         });
     }
@@ -227,6 +268,18 @@ impl<T: Clone> Conditioner<T> {
         let every = outages.every.as_nanos() as u64;
         let length = outages.length.as_nanos() as u64;
         0 < every && every.saturating_sub(length) <= now.as_nanos() % every
+    }
+
+    /// When a message is handed out that would be at `due` if the line never stood still.
+    fn held_back(&self, due: Timestamp) -> Timestamp {
+        let Some(stall) = self.impairment.stall.filter(|stall| stall.from <= due) else {
+            return due;
+        };
+        let behind_ns = due.since(stall.from).as_nanos() as f64 / stall.drain;
+        let delivered = stall
+            .from
+            .after(stall.length + Duration::from_nanos(behind_ns as u64));
+        due.max(delivered)
     }
 
     fn draw_burst(&mut self) -> bool {
@@ -398,6 +451,65 @@ mod tests {
             arrived.iter().map(|&(n, _)| n).collect::<Vec<_>>(),
             expected
         );
+    }
+
+    #[test]
+    fn a_stall_loses_nothing_and_delivers_its_queue_in_order_at_the_speed_asked_for() {
+        for drain in [1.25, 20.0, f64::INFINITY] {
+            let stall = Stall {
+                from: at(800),
+                length: TICK * 200,
+                drain,
+            };
+            let line = Impairment {
+                delay: TICK * 5,
+                stall: Some(stall),
+                ..Default::default()
+            };
+            let (arrived, _) = run(line, 1, 3000);
+            assert!(arrived.iter().map(|&(n, _)| n).eq(0..3000), "{drain}");
+            for (number, tick) in arrived {
+                let due = number + 5;
+                // The first in the queue comes when the stall ends, the others behind it, until one would not have queued at all.
+                let in_turn = |queued_for: u64| 1000 + (queued_for as f64 / drain).ceil() as u64;
+                let expected = due.checked_sub(800).map_or(0, in_turn).max(due);
+                assert_eq!(tick, expected, "number {number} at drain {drain}");
+            }
+        }
+    }
+
+    /// Of a jittering line only what is newer than all before passes, once.
+    #[test]
+    fn a_line_that_drops_what_was_overtaken_hands_out_rising_numbers_and_counts_the_rest() {
+        let late = Impairment {
+            delay: TICK * 100,
+            jitter: TICK * 20,
+            duplicate: 0.2,
+            loss: 0.1,
+            ..Default::default()
+        };
+        let (all, whole) = run(late, 9, 20_000);
+        let (passed, fates) = run(
+            Impairment {
+                overtaken: Overtaken::Dropped,
+                ..late
+            },
+            9,
+            20_000,
+        );
+        let mut newest = None;
+        let rising: Vec<(u64, u64)> = all
+            .into_iter()
+            .filter(|&(number, _)| {
+                let is_newer = newest.is_none_or(|newest| newest < number);
+                newest = newest.max(Some(number));
+                is_newer
+            })
+            .collect();
+        assert_eq!(passed, rising);
+        assert_eq!(fates.delivered + fates.overtaken, whole.delivered);
+        let share = passed.len() as f64 / 20_000.0;
+        assert!((0.05..0.2).contains(&share), "{share} passed");
     }
 
     #[test]

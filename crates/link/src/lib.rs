@@ -9,6 +9,7 @@
 //! | [`conditioner`] | delay, jitter, loss, bursts, duplicates, reordering, outages, from a seed |
 //! | [`arrivals`] | what came, what was lost, what came twice; newest wins |
 //! | [`deadband`] | which frames a hand would not miss |
+//! | [`freshness`] | which frames are news, and which have waited in a queue |
 //! | [`energy`] | tanks, cumulative counters, and an observer of a channel from outside |
 //! | [`motion_limiter`] | where a tool may go in a tick |
 //! | [`playout`] | from varying delay to a constant one |
@@ -21,6 +22,7 @@ pub mod arrivals;
 pub mod conditioner;
 pub mod deadband;
 pub mod energy;
+pub mod freshness;
 pub mod motion_limiter;
 pub mod playout;
 pub mod replica;

@@ -95,6 +95,11 @@ impl RoundTrip {
         self.offset_ns.map(|ns| ns * 1e-9)
     }
 
+    /// When something was on our clock that the peer's stamped `peer_ns`, ns; nothing before the first exchange.
+    pub fn ours_ns(&self, peer_ns: u64) -> Option<f64> {
+        self.offset_ns.map(|offset_ns| peer_ns as f64 - offset_ns)
+    }
+
     /// Estimated one-way delay of a frame stamped `sent_ns` by the peer that came at `now`, seconds.
     pub fn one_way_s(&self, now: Timestamp, sent_ns: u64) -> Option<f64> {
         let offset = self.offset_ns?;

@@ -1,8 +1,8 @@
 //! Safety, whatever the scheme: one place where input is checked, one where silence is noticed, one that every force passes.
 //!
-//! - [`check`] is the only way in for numbers that come from outside the process: a value that is not finite names its field and
-//!   ends in a fault.
-//! - [`Watchdog`] turns silence into a gain that ramps to 0, and a return into one that ramps to 1.
+//! - [`check`] is the only way in for numbers that come from outside the process: a value that is not finite, or greater
+//!   than what it measures ever is, names its field and ends in a fault.
+//! - [`Watchdog`] turns silence, and a line that delivers what had queued up, into a gain that ramps to 0, and a return into one that ramps to 1.
 //! - [`ForceLimiter`] bounds the force and its slope; what leaves it is finite.
 
 use std::time::Duration;
@@ -10,23 +10,57 @@ use std::time::Duration;
 use crate::Vec3;
 use crate::time::Timestamp;
 
-/// A value from outside that is not finite.
+/// A value from outside that is no measurement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{field} is not finite")]
-pub struct NotFinite {
+#[error("{field} is not finite, or beyond what is plausible")]
+pub struct Implausible {
     /// Name of the quantity, with its unit.
     pub field: &'static str,
+}
+
+/// What a number from outside measures. Of each there is so much at most: far more than any loop here comes to, and so
+/// little that nothing reckoned with it overflows or loses what it is added to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Measure {
+    /// Metres; the clay's own frame ends at 128.
+    Position,
+    /// Metres a second.
+    Velocity,
+    /// Newtons.
+    Force,
+    /// A wave, √W: what force and velocity at their bounds come to at any impedance.
+    Wave,
+    /// What adds up while a session lives: energy in J, time integrals of waves in √W s, changes of force in N.
+    Sum,
+}
+
+impl Measure {
+    /// Greatest magnitude that is plausible.
+    pub const fn most(self) -> f64 {
+        match self {
+            Self::Position => 100.0,
+            Self::Velocity => 1e3,
+            Self::Force => 1e6,
+            Self::Wave => 1e9,
+            Self::Sum => 1e12,
+        }
+    }
+
+    fn admits(self, value: f64) -> bool {
+        // Not so for a NaN.
+        value.abs() <= self.most()
+    }
 }
 
 /// Checks the named vectors in turn.
 ///
 /// # Errors
-/// The first field that holds a NaN or an infinity.
-pub fn check(fields: &[(&'static str, &[f64])]) -> Result<(), NotFinite> {
+/// The first field that holds a NaN, an infinity, or more than is plausible of what it measures.
+pub fn check(fields: &[(&'static str, Measure, &[f64])]) -> Result<(), Implausible> {
     let spoilt = fields
         .iter()
-        .find(|(_, values)| !values.iter().all(|value| value.is_finite()));
-    spoilt.map_or(Ok(()), |&(field, _)| Err(NotFinite { field }))
+        .find(|(_, measure, values)| !values.iter().all(|&value| measure.admits(value)));
+    spoilt.map_or(Ok(()), |&(field, ..)| Err(Implausible { field }))
 }
 
 /// How a watchdog judges silence.
@@ -43,6 +77,8 @@ pub struct WatchdogTimes {
 pub struct Watchdog {
     times: WatchdogTimes,
     last_frame: Option<Timestamp>,
+    /// What has come since then was no news.
+    is_stalled: bool,
     gain: f64,
 }
 
@@ -52,6 +88,7 @@ impl Watchdog {
         Self {
             times,
             last_frame: None,
+            is_stalled: false,
             gain: 0.0,
         }
     }
@@ -62,9 +99,20 @@ impl Watchdog {
         self.gain = 1.0;
     }
 
-    /// A valid frame came.
+    /// A valid frame came that is [fresh](crate::freshness).
     pub fn on_frame(&mut self, now: Timestamp) {
         self.last_frame = Some(now);
+        self.is_stalled = false;
+    }
+
+    /// A frame came that is stale: silence from now on, until a fresh one comes, however long ago the last one was.
+    pub fn on_stale_frame(&mut self) {
+        self.is_stalled = true;
+    }
+
+    /// Whether what came last had waited in a queue.
+    pub fn is_stalled(&self) -> bool {
+        self.is_stalled
     }
 
     /// Advances by one tick of `tick_s` seconds and returns the gain, 0 to 1.
@@ -84,13 +132,13 @@ impl Watchdog {
         self.gain
     }
 
-    /// Whether no frame came for longer than the allowed silence.
+    /// Whether no fresh frame came for longer than the allowed silence, or only stale ones have come since.
     pub fn is_silent(&self, now: Timestamp) -> bool {
-        self.last_frame
-            .is_none_or(|last| self.times.silence < now.since(last))
+        let is_over = |last| self.times.silence < now.since(last);
+        self.is_stalled || self.last_frame.is_none_or(is_over)
     }
 
-    /// Time since the last frame.
+    /// Time since the last fresh frame.
     pub fn age(&self, now: Timestamp) -> Option<Duration> {
         self.last_frame.map(|last| now.since(last))
     }
@@ -235,15 +283,36 @@ mod tests {
 
     #[test]
     fn the_check_names_the_field() {
-        let good = ("position_m", &[0.0, 1.0][..]);
+        let good = ("position_m", Measure::Position, &[0.0, 1.0][..]);
         assert_eq!(check(&[good]), Ok(()));
         assert_eq!(
-            check(&[good, ("force_n", &[f64::NAN])]),
-            Err(NotFinite { field: "force_n" })
+            check(&[good, ("force_n", Measure::Force, &[f64::NAN])]),
+            Err(Implausible { field: "force_n" })
         );
         assert_eq!(
-            check(&[("force_n", &[f64::INFINITY]), good]),
-            Err(NotFinite { field: "force_n" })
+            check(&[("force_n", Measure::Force, &[f64::INFINITY]), good]),
+            Err(Implausible { field: "force_n" })
         );
+    }
+
+    /// The bounds are those that proto/SPEC.md states; each is the last value that passes.
+    #[test]
+    fn what_is_beyond_its_bound_is_no_measurement() {
+        let bounds = [
+            (Measure::Position, 1e2),
+            (Measure::Velocity, 1e3),
+            (Measure::Force, 1e6),
+            (Measure::Wave, 1e9),
+            (Measure::Sum, 1e12),
+        ];
+        for (measure, most) in bounds {
+            for sign in [1.0, -1.0] {
+                let judge = |value: f64| check(&[("value", measure, &[0.0, sign * value])]);
+                assert_eq!(judge(most), Ok(()), "{measure:?}");
+                for beyond in [most.next_up(), 1e155, f64::MAX] {
+                    assert_eq!(judge(beyond), Err(Implausible { field: "value" }));
+                }
+            }
+        }
     }
 }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use teleclay_link::safety::NotFinite;
+use teleclay_link::safety::Implausible;
 
 use crate::command::Operator;
 use crate::settings::Settings;
@@ -66,7 +66,7 @@ pub enum EventKind {
     /// A value put the session into fault: every tool rests until there is a fresh block.
     Fault {
         /// The value.
-        fault: NotFinite,
+        fault: Implausible,
     },
 }
 
@@ -106,7 +106,7 @@ pub struct Snapshot {
     /// Counts the servers that have run the session, from 1.
     pub ownership_epoch: u32,
     /// The value that put the session into fault, if one did.
-    pub fault: Option<NotFinite>,
+    pub fault: Option<Implausible>,
     /// Every tool, held or free.
     pub tools: Vec<ToolSnapshot>,
 }

@@ -7,7 +7,7 @@ use teleclay_bilateral::{Permission, ToolSide, ToolStep};
 use teleclay_clay::{Clay, Material};
 use teleclay_link::arrivals::ArrivalCounts;
 use teleclay_link::replica::Cut;
-use teleclay_link::safety::NotFinite;
+use teleclay_link::safety::Implausible;
 use teleclay_link::scheme::Generation;
 use teleclay_link::time::Timestamp;
 use teleclay_proto::frame::{HandleFrame, ToolFrame};
@@ -60,7 +60,7 @@ pub struct Session {
     clay: Clay,
     material: Material,
     slots: Vec<ToolSlot>,
-    fault: Option<NotFinite>,
+    fault: Option<Implausible>,
     now: Timestamp,
     ticks: u64,
     revision: u64,
@@ -260,7 +260,7 @@ impl Session {
     }
 
     /// The value that put the session into fault, if one did.
-    pub fn fault(&self) -> Option<NotFinite> {
+    pub fn fault(&self) -> Option<Implausible> {
         self.fault
     }
 

@@ -219,5 +219,6 @@ fn line(raw: &http::Impairment) -> conditioner::Impairment {
             every: Duration::from_secs_f64(outage.every_s),
             length: Duration::from_secs_f64(outage.length_s),
         }),
+        ..conditioner::Impairment::default()
     }
 }

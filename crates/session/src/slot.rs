@@ -77,7 +77,7 @@ impl ToolSlot {
         self.holder.as_ref().map(|holder| Held {
             operator: &holder.operator.name,
             is_connected: holder.side.is_connected(now),
-            silence: Duration::from_secs_f64(holder.side.silence_s(now)),
+            silence: Duration::from_secs_f64(holder.side.unheard_s(now)),
             held_for: now.since(holder.since),
         })
     }

@@ -291,7 +291,8 @@ fn changing_the_deadband_of_position_force_does_not_move_the_tool() {
                 // And it is the plain scheme again: the tool stands where the last frame has the hand.
                 rig.hold_handles_fast();
                 rig.run_for(Duration::from_millis(u64::from(delay_ms) + 3));
-                let apart_m = rig.tool().coordination_m();
+                let told_m = rig.tool().view().handle_position_m;
+                let apart_m = rig.tool().distance_from_m(told_m);
                 assert!(apart_m < 1e-9, "{case}: {apart_m} m");
             }
         }

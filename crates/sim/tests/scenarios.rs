@@ -3,12 +3,12 @@
 
 use std::time::Duration;
 
-use teleclay_bilateral::{LinkState, Permission, ToolSide, material};
+use teleclay_bilateral::{HandleSide, Lease, LinkState, Permission, ToolSide, material};
 use teleclay_clay::{Clay, Shape, SteppedBlock};
 use teleclay_link::conditioner::{Bursts, Impairment, JitterDistribution, Outages};
 use teleclay_link::time::Timestamp;
 use teleclay_operator::{Intent, Reach};
-use teleclay_proto::frame::HandleFrame;
+use teleclay_proto::frame::{HandleFrame, ToolFrame};
 use teleclay_proto::join::LoopParameters;
 use teleclay_proto::{Axes, Scheme, ToolDescription};
 use teleclay_session::Lines;
@@ -198,6 +198,7 @@ fn clay_is_conserved_whatever_the_network_does() {
             every: ONE_TICK * 3000,
             length: ONE_TICK * 200,
         }),
+        ..Impairment::default()
     };
     let mut rig = carving(cutting(), both_ways(worst));
     for _ in 0..15_000 {
@@ -341,6 +342,67 @@ fn no_number_of_a_handle_frame_escapes_the_check() {
         spoil(&mut frame);
         side.handle_frame(Timestamp::from_nanos(2_000_000), &frame);
         assert_eq!(side.fault().map(|fault| fault.field), Some(field));
+    }
+}
+
+/// A number may be as large as proto/SPEC.md says and no larger, in either direction; what holds a larger one is counted,
+/// and nothing of it is taken over.
+#[test]
+fn a_finite_number_that_no_sensor_measures_is_refused_like_one_that_is_none() {
+    type Spoil<Frame> = fn(&mut Frame, f64);
+    let bounds_up: [(&str, f64, Spoil<HandleFrame>); 9] = [
+        ("position_m", 1e2, |frame, x| frame.position_m[2] = x),
+        ("velocity_m_s", 1e3, |frame, x| frame.velocity_m_s[0] = -x),
+        ("hand_force_n", 1e6, |frame, x| frame.hand_force_n[1] = x),
+        ("felt_force_n", 1e6, |frame, x| frame.felt_force_n[1] = x),
+        ("wave", 1e9, |frame, x| frame.wave[0] = -x),
+        ("wave_integral", 1e12, |frame, x| frame.wave_integral[2] = x),
+        ("energy_in_j", 1e12, |frame, x| frame.energy_in_j[0] = x),
+        ("corrections", 1e12, |frame, x| {
+            frame.corrections.moved_n = x
+        }),
+        ("corrections.held_n", 1e6, |frame, x| {
+            frame.corrections.held_n[0] = if x <= 1e6 { 1e6 } else { 1.000_001e6 };
+        }),
+    ];
+    for (field, most, spoil) in bounds_up {
+        for (value, is_refused) in [(most, false), (most.next_up(), true), (1e155, true)] {
+            let mut side = ToolSide::new(&LoopParameters::default(), 7).unwrap();
+            let mut frame = HandleFrame::default();
+            frame.header.lease = 7;
+            frame.header.sequence = 1;
+            spoil(&mut frame, value);
+            side.handle_frame(Timestamp::from_nanos(1_000_000), &frame);
+            let fault = side.fault().map(|fault| fault.field);
+            assert_eq!(fault, is_refused.then_some(field), "{value}");
+            assert_eq!(side.arrivals().implausible, u64::from(is_refused));
+            assert!(side.coordination_m() <= 1e3, "{field}: {value}");
+        }
+    }
+    let bounds_down: [(&str, f64, Spoil<ToolFrame>); 6] = [
+        ("position_m", 1e2, |frame, x| frame.position_m[2] = x),
+        ("velocity_m_s", 1e3, |frame, x| frame.velocity_m_s[0] = -x),
+        ("force_n", 1e6, |frame, x| frame.force_n[1] = x),
+        ("wave", 1e9, |frame, x| frame.wave[0] = -x),
+        ("wave_integral", 1e12, |frame, x| frame.wave_integral[2] = x),
+        ("energy_in_j", 1e12, |frame, x| frame.energy_in_j[0] = x),
+    ];
+    for (field, most, spoil) in bounds_down {
+        for (value, is_refused) in [(most, false), (most.next_up(), true), (1e155, true)] {
+            let lease = Lease {
+                number: 7,
+                ownership_epoch: 0,
+            };
+            let mut side = HandleSide::new(&LoopParameters::default(), lease).unwrap();
+            let mut frame = ToolFrame::default();
+            frame.header.lease = 7;
+            frame.header.sequence = 1;
+            spoil(&mut frame, value);
+            side.handle_frame(Timestamp::from_nanos(1_000_000), &frame);
+            let fault = side.fault().map(|fault| fault.field);
+            assert_eq!(fault, is_refused.then_some(field), "{value}");
+            assert_eq!(side.arrivals().implausible, u64::from(is_refused));
+        }
     }
 }
 

@@ -1,6 +1,6 @@
 //! Why a run ended, and the exit code that says so.
 
-use teleclay_link::safety::NotFinite;
+use teleclay_link::safety::Implausible;
 use teleclay_proto::SessionId;
 use teleclay_shell::network::NetworkError;
 
@@ -39,7 +39,7 @@ pub enum Failure {
     ThreadEnded,
     /// A value that no loop can work with.
     #[error("fault: {0}; force released")]
-    Fault(NotFinite),
+    Fault(Implausible),
     /// The time is over and there was no server at the end.
     #[error("no server answers on {endpoint} for session `{session}`, asked for {waited_s:.1} s")]
     NoServer {

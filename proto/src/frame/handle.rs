@@ -2,7 +2,9 @@
 
 use utoipa::ToSchema;
 
-use super::{Corrections, Header, KIND_HANDLE, MAX_FRAME, Sweeps, corrections, header, sweeps};
+use super::{
+    Corrections, Gaps, Header, KIND_HANDLE, MAX_FRAME, Sweeps, corrections, header, sweeps,
+};
 use crate::FrameError;
 use crate::bytes::{Reader, Writer};
 use crate::word::words;
@@ -42,7 +44,7 @@ words! {
     }
 }
 
-/// The frame from the handle to the tool side, one each tick. `276 + 28 n` bytes with `n` sweeps.
+/// The frame from the handle to the tool side, one each tick. 276 bytes, then the runs of [`Sweeps`] and the [`Gaps`].
 ///
 /// ```text
 ///   0        48           72             96              120             144    168             192
@@ -50,16 +52,16 @@ words! {
 ///   | header | position_m | velocity_m_s | hand_force_n  | felt_force_n  | wave | wave_integral | energy_in_j |
 ///   |        | f64x3      | f64x3        | f64x3         | f64x3         | f64x3| f64x3         | f64x3       |
 ///   +--------+------------+--------------+---------------+---------------+------+---------------+-------------+
-///   216         224                   228    229    232           268
-///   +-----------+---------------------+------+------+-------------+
-///   | clay_hash | relayed_acknowledged| copy | zero | 36 bytes of |
-///   |    u64    |         u32         |  u8  | u8x3 | corrections |
-///   +-----------+---------------------+------+------+-------------+
-///   268                     272     273    276
-///   +-----------------------+-------+------+------------------+
-///   | oldest_unacknowledged | count | zero | count x 28 bytes |
-///   |          u32          |  u8   | u8x3 | sweeps           |
-///   +-----------------------+-------+------+------------------+
+///   216         224                   228    229    230    232           268
+///   +-----------+---------------------+------+------+------+-------------+
+///   | clay_hash | relayed_acknowledged| copy | gaps | zero | 36 bytes of |
+///   |    u64    |         u32         |  u8  |  u8  | u8x2 | corrections |
+///   +-----------+---------------------+------+------+------+-------------+
+///   268                     272    273    276
+///   +-----------------------+------+------+-----------------+--------------------+
+///   | oldest_unacknowledged | runs | zero | runs of sweeps, | gaps x 4 bytes of  |
+///   |          u32          |  u8  | u8x3 | one by one      | relayed_gaps       |
+///   +-----------------------+------+------+-----------------+--------------------+
 /// ```
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct HandleFrame {
@@ -85,6 +87,8 @@ pub struct HandleFrame {
     pub clay_hash: u64,
     /// Every relayed sweep up to this number has come; 0 when the first is missing.
     pub relayed_acknowledged: u32,
+    /// Which relayed sweeps beyond that have come as well.
+    pub relayed_gaps: Gaps,
     /// What the handle's copy of the clay is good for.
     pub copy: CopyState,
     /// What corrections of the copy have done to the hand.
@@ -97,7 +101,7 @@ impl HandleFrame {
     /// How many bytes [`HandleFrame::encode`] writes.
     #[must_use]
     pub const fn encoded_len(&self) -> usize {
-        FIXED + sweeps::RECORD * self.sweeps.len()
+        FIXED + self.sweeps.bytes() + self.relayed_gaps.bytes()
     }
 
     /// Writes the frame to the front of `buffer` and gives back the bytes written. Does not allocate.
@@ -114,9 +118,10 @@ impl HandleFrame {
         writer.f64x3(self.energy_in_j);
         writer.put(self.clay_hash.to_le_bytes());
         writer.put(self.relayed_acknowledged.to_le_bytes());
-        writer.put([self.copy.byte(), 0, 0, 0]);
+        writer.put([self.copy.byte(), self.relayed_gaps.count(), 0, 0]);
         self.corrections.write(&mut writer);
         self.sweeps.write(&mut writer);
+        self.relayed_gaps.write(&mut writer);
         writer.finish()
     }
 
@@ -127,29 +132,38 @@ impl HandleFrame {
     pub fn decode(bytes: &[u8]) -> Result<Self, FrameError> {
         let mut reader = Reader::new(bytes);
         let (header, engagement) = Header::read(KIND_HANDLE, &mut reader)?;
-        let frame = Self {
+        let position_m = reader.f64x3()?;
+        let velocity_m_s = reader.f64x3()?;
+        let hand_force_n = reader.f64x3()?;
+        let felt_force_n = reader.f64x3()?;
+        let wave = reader.f64x3()?;
+        let wave_integral = reader.f64x3()?;
+        let energy_in_j = reader.f64x3()?;
+        let clay_hash = reader.u64()?;
+        let relayed_acknowledged = reader.u32()?;
+        let copy = CopyState::from_byte(reader.u8()?)?;
+        let gaps = reader.u8()?;
+        reader.zeros::<2>("copy state")?;
+        let corrections = Corrections::read(&mut reader)?;
+        let sweeps = Sweeps::read(&mut reader)?;
+        let relayed_gaps = Gaps::read(gaps, &mut reader)?;
+        reader.finish()?;
+        Ok(Self {
             header,
             engagement: Engagement::from_byte(engagement)?,
-            position_m: reader.f64x3()?,
-            velocity_m_s: reader.f64x3()?,
-            hand_force_n: reader.f64x3()?,
-            felt_force_n: reader.f64x3()?,
-            wave: reader.f64x3()?,
-            wave_integral: reader.f64x3()?,
-            energy_in_j: reader.f64x3()?,
-            clay_hash: reader.u64()?,
-            relayed_acknowledged: reader.u32()?,
-            copy: copy_state(&mut reader)?,
-            corrections: Corrections::read(&mut reader)?,
-            sweeps: Sweeps::read(&mut reader)?,
-        };
-        reader.finish()?;
-        Ok(frame)
+            position_m,
+            velocity_m_s,
+            hand_force_n,
+            felt_force_n,
+            wave,
+            wave_integral,
+            energy_in_j,
+            clay_hash,
+            relayed_acknowledged,
+            relayed_gaps,
+            copy,
+            corrections,
+            sweeps,
+        })
     }
-}
-
-fn copy_state(reader: &mut Reader<'_>) -> Result<CopyState, FrameError> {
-    let state = CopyState::from_byte(reader.u8()?)?;
-    reader.zeros::<3>("copy state")?;
-    Ok(state)
 }

@@ -18,15 +18,17 @@
 //! `state` is the [`Engagement`] in a handle frame and the [`LoopStatus`] in a tool frame.
 
 mod corrections;
+mod gaps;
 mod handle;
 mod header;
 mod sweeps;
 mod tool;
 
 pub use corrections::Corrections;
+pub use gaps::{Gap, Gaps, MAX_GAPS, NoGap};
 pub use handle::{CopyState, Engagement, HandleFrame};
 pub use header::Header;
-pub use sweeps::{MAX_SWEEPS, POSITION_UNIT_M, SweepRecord, Sweeps, SweepsFull};
+pub use sweeps::{MAX_SWEEPS, POSITION_UNIT_M, SWEEP_BYTES, SweepRecord, Sweeps, SweepsFull};
 pub use tool::{LoopStatus, SweepRefusal, ToolFrame};
 
 pub use crate::FrameError;
@@ -37,8 +39,8 @@ pub const MAGIC: [u8; 2] = *b"TF";
 /// Version of the frame layouts.
 pub const VERSION: u8 = 1;
 
-/// Bytes of the longest frame: a handle frame with 24 sweeps. Below 1200, so that no path splits it.
-pub const MAX_FRAME: usize = handle::FIXED + MAX_SWEEPS * sweeps::RECORD;
+/// Bytes of the longest frame: a handle frame full of sweeps and gaps. Below 1200, so that no path splits it.
+pub const MAX_FRAME: usize = handle::FIXED + SWEEP_BYTES + MAX_GAPS * gaps::GAP;
 
 const _: () = assert!(
     MAX_FRAME < 1200,

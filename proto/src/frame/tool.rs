@@ -2,7 +2,7 @@
 
 use utoipa::ToSchema;
 
-use super::{Header, KIND_TOOL, MAX_FRAME, Sweeps, header, sweeps};
+use super::{Gaps, Header, KIND_TOOL, MAX_FRAME, Sweeps, header, sweeps};
 use crate::FrameError;
 use crate::bytes::{Reader, Writer};
 use crate::word::words;
@@ -49,7 +49,7 @@ words! {
     }
 }
 
-/// The frame from the tool side to the handle, one each tick. `232 + 28 n` bytes with `n` relayed sweeps.
+/// The frame from the tool side to the handle, one each tick. 232 bytes, then the runs of relayed [`Sweeps`] and the [`Gaps`].
 ///
 /// ```text
 ///   0        48           72             96        120    144             168
@@ -57,16 +57,16 @@ words! {
 ///   | header | position_m | velocity_m_s | force_n | wave | wave_integral | energy_in_j |
 ///   |        | f64x3      | f64x3        | f64x3   | f64x3| f64x3         | f64x3       |
 ///   +--------+------------+--------------+---------+------+---------------+-------------+
-///   192               200         208                   212              216       217       224
-///   +-----------------+-----------+---------------------+----------------+---------+---------+
-///   | engaged_area_m2 | clay_hash | sweeps_acknowledged | sweeps_refused | refusal | zero    |
-///   |       f64       |    u64    |         u32         |      u32       |   u8    | u8x7    |
-///   +-----------------+-----------+---------------------+----------------+---------+---------+
-///   224                     228     229    232
-///   +-----------------------+-------+------+------------------+
-///   | oldest_unacknowledged | count | zero | count x 28 bytes |
-///   |          u32          |  u8   | u8x3 | relayed sweeps   |
-///   +-----------------------+-------+------+------------------+
+///   192               200         208                   212              216       217    218    224
+///   +-----------------+-----------+---------------------+----------------+---------+------+------+
+///   | engaged_area_m2 | clay_hash | sweeps_acknowledged | sweeps_refused | refusal | gaps | zero |
+///   |       f64       |    u64    |         u32         |      u32       |   u8    |  u8  | u8x6 |
+///   +-----------------+-----------+---------------------+----------------+---------+------+------+
+///   224                     228    229    232
+///   +-----------------------+------+------+-----------------+-------------------+
+///   | oldest_unacknowledged | runs | zero | runs of relayed | gaps x 4 bytes of |
+///   |          u32          |  u8  | u8x3 | sweeps          | sweep_gaps        |
+///   +-----------------------+------+------+-----------------+-------------------+
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ToolFrame {
@@ -92,6 +92,8 @@ pub struct ToolFrame {
     pub engaged_area_m2: f64,
     /// Every sweep up to this number has been merged or refused; 0 before the first.
     pub sweeps_acknowledged: u32,
+    /// Which sweeps beyond that have come as well: they will be merged or refused, and need not come again.
+    pub sweep_gaps: Gaps,
     /// How many of them were refused since joining.
     pub sweeps_refused: u32,
     /// Hash of the server's clay as of this frame; 0 while it is not known.
@@ -104,7 +106,7 @@ impl ToolFrame {
     /// How many bytes [`ToolFrame::encode`] writes.
     #[must_use]
     pub const fn encoded_len(&self) -> usize {
-        FIXED + sweeps::RECORD * self.relayed.len()
+        FIXED + self.relayed.bytes() + self.sweep_gaps.bytes()
     }
 
     /// Writes the frame to the front of `buffer` and gives back the bytes written. Does not allocate.
@@ -122,8 +124,18 @@ impl ToolFrame {
         writer.put(self.clay_hash.to_le_bytes());
         writer.put(self.sweeps_acknowledged.to_le_bytes());
         writer.put(self.sweeps_refused.to_le_bytes());
-        writer.put([self.refusal.byte(), 0, 0, 0, 0, 0, 0, 0]);
+        writer.put([
+            self.refusal.byte(),
+            self.sweep_gaps.count(),
+            0,
+            0,
+            0,
+            0,
+            0,
+            0,
+        ]);
         self.relayed.write(&mut writer);
+        self.sweep_gaps.write(&mut writer);
         writer.finish()
     }
 
@@ -146,8 +158,10 @@ impl ToolFrame {
         let sweeps_acknowledged = reader.u32()?;
         let sweeps_refused = reader.u32()?;
         let refusal = SweepRefusal::from_byte(reader.u8()?)?;
-        reader.zeros::<7>("refusal")?;
+        let gaps = reader.u8()?;
+        reader.zeros::<6>("refusal")?;
         let relayed = Sweeps::read(&mut reader)?;
+        let sweep_gaps = Gaps::read(gaps, &mut reader)?;
         reader.finish()?;
         Ok(Self {
             header,
@@ -161,6 +175,7 @@ impl ToolFrame {
             energy_in_j,
             engaged_area_m2,
             sweeps_acknowledged,
+            sweep_gaps,
             sweeps_refused,
             relayed,
             clay_hash,

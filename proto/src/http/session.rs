@@ -126,7 +126,8 @@ pub struct Session {
     pub tools: Vec<ToolState>,
     /// Tool displacement per handle displacement.
     pub position_ratio: f64,
-    /// Greatest distance now between a tool and where its handle would have it, m.
+    /// Greatest distance between a tool and where its handle would have it, m: both at the instant at which the handle
+    /// sent its newest frame. With a delay that is the way that the hand makes meanwhile, and more.
     pub coordination_m: f64,
     /// The loop and its link.
     #[serde(rename = "loop")]

@@ -253,7 +253,7 @@ const GAUGES: &[(&str, Unit, &str)] = &[
     (
         "teleclay_coordination_metres",
         Unit::Count,
-        "Greatest distance between a tool and where its handle would have it",
+        "Greatest distance between a tool and where its handle would have it, at the instant of the handle's newest frame",
     ),
     (
         "teleclay_clay_volume_cubic_metres",

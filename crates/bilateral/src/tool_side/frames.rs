@@ -1,7 +1,8 @@
 //! Frames in, and frames out.
 
 use teleclay_link::arrivals::Arrival;
-use teleclay_link::safety::check;
+use teleclay_link::freshness::Age;
+use teleclay_link::safety::{Measure, check};
 use teleclay_link::time::Timestamp;
 use teleclay_proto::frame::{Engagement, HandleFrame, LoopStatus, SweepRefusal};
 
@@ -9,7 +10,7 @@ use super::{Permission, ToolSide, ToolStep};
 
 impl ToolSide {
     /// A frame came from the handle side. Frames under another lease are not ours; what was meant for an earlier server of the session is not acted on;
-    /// older frames are counted, and shown to a scheme that plays its samples in order.
+    /// older frames are counted, and shown to a scheme that plays its samples in order. Of frames that waited in a queue only the facts count.
     pub fn handle_frame(&mut self, now: Timestamp, frame: &HandleFrame) {
         let header = &frame.header;
         if header.lease != self.frame.header.lease {
@@ -28,18 +29,33 @@ impl ToolSide {
             corrections.tank_j.into(),
         ];
         let outside = [
-            ("position_m", &frame.position_m[..]),
-            ("velocity_m_s", &frame.velocity_m_s),
-            ("hand_force_n", &frame.hand_force_n),
-            ("felt_force_n", &frame.felt_force_n),
-            ("wave", &frame.wave),
-            ("wave_integral", &frame.wave_integral),
-            ("energy_in_j", &frame.energy_in_j),
-            ("corrections.held_n", &corrections.held_n.map(f64::from)),
-            ("corrections", &scalars),
+            ("position_m", Measure::Position, &frame.position_m[..]),
+            ("velocity_m_s", Measure::Velocity, &frame.velocity_m_s),
+            ("hand_force_n", Measure::Force, &frame.hand_force_n),
+            ("felt_force_n", Measure::Force, &frame.felt_force_n),
+            ("wave", Measure::Wave, &frame.wave),
+            ("wave_integral", Measure::Sum, &frame.wave_integral),
+            ("energy_in_j", Measure::Sum, &frame.energy_in_j),
+            (
+                "corrections.held_n",
+                Measure::Force,
+                &corrections.held_n.map(f64::from),
+            ),
+            ("corrections", Measure::Sum, &scalars),
         ];
         if let Err(fault) = check(&outside) {
+            self.arrivals.on_implausible();
             self.fault = Some(fault);
+            return;
+        }
+        self.heard_at = Some(now);
+        let is_at_rest = self.watchdog.gain() <= 0.0;
+        let age = match arrival {
+            Arrival::Newest => self.freshness.on_newest(now, header.sent_ns, is_at_rest),
+            _ => self.freshness.on_late(now, header.sent_ns),
+        };
+        if age == Age::Stale {
+            self.handle_stale_frame(now, frame, arrival);
             return;
         }
         if arrival != Arrival::Newest {
@@ -48,6 +64,9 @@ impl ToolSide {
         }
         self.round_trip
             .on_frame(now, header.sent_ns, header.echo_ns, header.echo_hold_ns);
+        if self.watchdog.is_stalled() {
+            self.controller.on_news_again();
+        }
         self.watchdog.on_frame(now);
         self.follow_engagement(now, frame.engagement);
         self.handle
@@ -55,12 +74,28 @@ impl ToolSide {
         self.lift = frame.position_m[2];
         if !self.engaged && frame.engagement == Engagement::Engaged {
             self.engaged = true;
-            // The handle's own force ramps up from zero at the start, so nothing here needs to.
-            self.watchdog.start_awake(now);
-            self.permission_gain = 1.0;
+            if self.arrivals.counts().stale == 0 {
+                // The handle's own force ramps up from zero at the start, so nothing here needs to.
+                self.watchdog.start_awake(now);
+                self.permission_gain = 1.0;
+            }
             self.reindex();
         }
         self.controller.on_frame(now, frame);
+    }
+
+    /// What waited in a queue moves nothing. Its cuts are facts, and that the operator leaves is one.
+    fn handle_stale_frame(&mut self, now: Timestamp, frame: &HandleFrame, arrival: Arrival) {
+        self.arrivals.on_stale();
+        if arrival == Arrival::Newest {
+            self.watchdog.on_stale_frame();
+            // Where the handle is when the loop begins is told by the first frame that is news.
+            self.engaged &= !self.freshness.has_not_begun();
+            if frame.engagement == Engagement::Leaving {
+                self.follow_engagement(now, frame.engagement);
+            }
+        }
+        self.controller.on_stale_frame(now, frame);
     }
 
     pub(super) fn follow_engagement(&mut self, now: Timestamp, engagement: Engagement) {

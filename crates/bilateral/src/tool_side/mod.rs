@@ -10,6 +10,7 @@
 
 mod frames;
 mod motion;
+mod track;
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -19,10 +20,11 @@ use teleclay_control::State;
 use teleclay_link::Vec3;
 use teleclay_link::arrivals::{ArrivalCounts, Arrivals};
 use teleclay_link::deadband::{Deadband, DeadbandError, DeadbandSettings};
+use teleclay_link::freshness::Freshness;
 use teleclay_link::motion_limiter::MotionLimiter;
 use teleclay_link::replica::{Cut, ToolSetup};
 use teleclay_link::round_trip::RoundTrip;
-use teleclay_link::safety::{NotFinite, Watchdog};
+use teleclay_link::safety::{Implausible, Watchdog};
 use teleclay_link::scheme::replica::MergeContext;
 use teleclay_link::scheme::{Generation, ToolController, tool_controller};
 use teleclay_link::time::Timestamp;
@@ -32,6 +34,7 @@ use teleclay_proto::join::LoopParameters;
 
 use crate::parameters::{LoopModel, ParameterError};
 use crate::tool_view::{FarHandle, NearTool, ToolView};
+use track::Track;
 
 /// Cuts that one tick can make: its own or, where sweeps are merged, as many as a tick may merge.
 pub const CUTS_A_TICK: usize = 64;
@@ -82,6 +85,7 @@ pub struct ToolSide {
     base: Vec3,
     position: Vec3,
     velocity: Vec3,
+    track: Track,
     motion_limiter: MotionLimiter,
     /// Whether the handle's sweeps led in the last tick.
     was_led: bool,
@@ -90,6 +94,9 @@ pub struct ToolSide {
     clay_force: Vec3,
     lift: f64,
     watchdog: Watchdog,
+    freshness: Freshness,
+    /// When the last frame came, fresh or stale.
+    heard_at: Option<Timestamp>,
     first_step: Option<Timestamp>,
     permission_gain: f64,
     arrivals: Arrivals,
@@ -102,7 +109,7 @@ pub struct ToolSide {
     left_at: Option<Timestamp>,
     /// Whether the newest frame under this lease was meant for an earlier server of the session.
     names_another_owner: bool,
-    fault: Option<NotFinite>,
+    fault: Option<Implausible>,
     handle: FarHandle,
     frame: ToolFrame,
     deadband: Option<Deadband>,
@@ -133,12 +140,15 @@ impl ToolSide {
             base: Vec3::zeros(),
             position: Vec3::zeros(),
             velocity: Vec3::zeros(),
+            track: Track::new(),
             motion_limiter: MotionLimiter::new(model.setup().motion_limits),
             was_led: false,
             cuts: Vec::with_capacity(CUTS_A_TICK),
             clay_force: Vec3::zeros(),
             lift: 0.0,
             watchdog: Watchdog::new(model.watchdog),
+            freshness: Freshness::new(model.watchdog.silence),
+            heard_at: None,
             first_step: None,
             permission_gain: 0.0,
             arrivals: Arrivals::default(),
@@ -284,6 +294,7 @@ impl ToolSide {
                 step
             }
         };
+        self.track.push(now, self.position);
         self.handle.on_step(self.velocity, self.clay_force, tick_s);
         self.fill_frame(now, status, step);
         step
@@ -332,11 +343,19 @@ impl ToolSide {
         })
     }
 
-    /// Time since the last frame, or since the first tick if none came.
+    /// How old the news of the handle are: time since the last fresh frame, or since the first tick if none came.
     pub fn silence_s(&self, now: Timestamp) -> f64 {
+        self.since_s(now, self.watchdog.age(now))
+    }
+
+    /// Time since the last frame, be it stale, or since the first tick if none came: what a lease lives on.
+    pub fn unheard_s(&self, now: Timestamp) -> f64 {
+        self.since_s(now, self.heard_at.map(|at| now.since(at)))
+    }
+
+    fn since_s(&self, now: Timestamp, age: Option<Duration>) -> f64 {
         let since_start = || self.first_step.map(|first| now.since(first));
-        let silence = self.watchdog.age(now).or_else(since_start);
-        silence.unwrap_or_default().as_secs_f64()
+        age.or_else(since_start).unwrap_or_default().as_secs_f64()
     }
 
     /// Lease under which this tool works.
@@ -350,7 +369,7 @@ impl ToolSide {
     }
 
     /// The value that ended this loop, if one did.
-    pub fn fault(&self) -> Option<NotFinite> {
+    pub fn fault(&self) -> Option<Implausible> {
         self.fault
     }
 
@@ -364,15 +383,23 @@ impl ToolSide {
         &self.round_trip
     }
 
-    /// Distance between the tool and the image of the handle as last received, over the axes that reflect force, m.
+    /// Distance between the tool and the image of the handle at one instant, over the axes that reflect force, m: when
+    /// the handle's newest frame was sent, by the handle's own stamp and what is known of the offset of the clocks.
+    /// Where that is nothing yet, the tool as it is now.
     pub fn coordination_m(&self) -> f64 {
-        self.distance_from_m(self.handle.position().into())
+        let sent_ns = self.handle.sent_ns();
+        let then = self.round_trip.ours_ns(sent_ns);
+        let tool = then.and_then(|instant_ns| self.track.at(instant_ns));
+        self.apart_m(self.handle.position(), tool.unwrap_or(self.position))
     }
 
-    /// Distance between the tool and the image of a handle position, over the axes that reflect force, m.
+    /// Distance between the tool as it is now and the image of a handle position, over the axes that reflect force, m.
     pub fn distance_from_m(&self, handle_position_m: [f64; 3]) -> f64 {
-        let wanted = Vec3::from(handle_position_m) * self.model.coupling().position_ratio;
-        let error = wanted - self.position;
+        self.apart_m(handle_position_m.into(), self.position)
+    }
+
+    fn apart_m(&self, handle: Vec3, tool: Vec3) -> f64 {
+        let error = handle * self.model.coupling().position_ratio - tool;
         (0..self.model.axes)
             .map(|axis| error[axis] * error[axis])
             .sum::<f64>()

@@ -5,7 +5,7 @@ use teleclay_control::State;
 use teleclay_link::Vec3;
 use teleclay_link::motion_limiter::Setpoint;
 use teleclay_link::replica::Cut;
-use teleclay_link::safety::NotFinite;
+use teleclay_link::safety::Implausible;
 use teleclay_link::scheme::ToolPort;
 use teleclay_link::scheme::replica::Merged;
 use teleclay_link::time::Timestamp;
@@ -23,6 +23,7 @@ impl ToolSide {
             .put(handle * self.model.coupling().position_ratio);
         self.base = place;
         self.position = place;
+        self.track.forget();
         self.velocity = Vec3::zeros();
         self.was_led = false;
         self.inverse = [State::default(); 3];
@@ -120,7 +121,7 @@ impl ToolSide {
             .and_then(|(from, to)| Motion::new(from, to, self.velocity.into()).ok());
         // Reach and speed limit keep every motion within bounds; one that is not would be a plant that ran away.
         let Some(motion) = motion else {
-            self.fault = Some(NotFinite {
+            self.fault = Some(Implausible {
                 field: "tool position_m",
             });
             return ToolStep::default();

@@ -1,5 +1,7 @@
 //! The receiver's half: which sweeps came, and up to where without a gap.
 
+use teleclay_proto::frame::{Gap, Gaps, NoGap};
+
 use super::WINDOW;
 
 /// Whether a sweep is to be carried out.
@@ -20,6 +22,8 @@ pub struct SweepInbox {
     complete: u32,
     /// Numbers above `complete` that came, one bit each, at the number modulo the window.
     ahead: Box<[u64]>,
+    /// The greatest number that came.
+    greatest: u32,
 }
 
 impl Default for SweepInbox {
@@ -27,6 +31,7 @@ impl Default for SweepInbox {
         Self {
             complete: 0,
             ahead: vec![0; WINDOW / 64].into_boxed_slice(),
+            greatest: 0,
         }
     }
 }
@@ -45,6 +50,7 @@ impl SweepInbox {
             return Novelty::Known;
         }
         self.ahead[word] |= bit;
+        self.greatest = self.greatest.max(sequence);
         self.run_on();
         Novelty::New
     }
@@ -52,6 +58,7 @@ impl SweepInbox {
     /// As if nothing had come: the sender numbers anew, or says where it goes on ([`SweepInbox::skip_to`]).
     pub fn restart(&mut self) {
         self.complete = 0;
+        self.greatest = 0;
         self.ahead.fill(0);
     }
 
@@ -75,6 +82,39 @@ impl SweepInbox {
     /// The number to acknowledge: everything up to it has come. 0 when the first is missing.
     pub fn complete(&self) -> u32 {
         self.complete
+    }
+
+    /// Writes what has come beyond the complete number, as many gaps as a frame names.
+    pub fn fill(&self, gaps: &mut Gaps) {
+        gaps.clear();
+        let mut behind = self.complete;
+        while behind < self.greatest {
+            let come_from = self.next_that(behind + 1, |word| word);
+            let come_to = self.next_that(come_from, |word| !word);
+            // The window is shorter than what these count.
+            let gap = Gap {
+                missing: (come_from - behind - 1) as u16,
+                come: (come_to - come_from) as u16,
+            };
+            if gaps.push(gap) == Err(NoGap) {
+                return;
+            }
+            behind = come_to - 1;
+        }
+    }
+
+    /// The first number from `from` on whose bit is set in what `view` makes of its word; one behind the greatest if none is.
+    fn next_that(&self, from: u32, view: impl Fn(u64) -> u64) -> u32 {
+        let mut sequence = from;
+        while sequence <= self.greatest {
+            let (word, bit) = place(sequence);
+            let ahead = (view(self.ahead[word]) & !(bit - 1)).trailing_zeros();
+            if ahead < u64::BITS {
+                return (sequence + ahead - bit.trailing_zeros()).min(self.greatest + 1);
+            }
+            sequence += u64::BITS - bit.trailing_zeros();
+        }
+        self.greatest + 1
     }
 
     /// Moves the complete number over everything that has come next to it.
@@ -101,6 +141,12 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
     use teleclay_proto::frame::Sweeps;
+
+    fn gaps_of(inbox: &SweepInbox) -> Gaps {
+        let mut gaps = Gaps::default();
+        inbox.fill(&mut gaps);
+        gaps
+    }
 
     #[test]
     fn a_gap_holds_the_acknowledgement_back_until_it_is_filled() {
@@ -146,6 +192,31 @@ mod tests {
     }
 
     proptest! {
+        /// The gaps name exactly what came, up to where they end, and they end only where the frame is full or nothing more came.
+        #[test]
+        fn gaps_are_what_came(numbers in prop::collection::vec(1..3000_u32, 0..400), skipped in 0..2000_u32) {
+            let mut inbox = SweepInbox::default();
+            inbox.skip_to(skipped);
+            let mut came: std::collections::BTreeSet<u32> = (1..skipped).collect();
+            for &number in &numbers {
+                inbox.on_sweep(number);
+                came.insert(number);
+            }
+            let mut gaps = Gaps::default();
+            inbox.fill(&mut gaps);
+            let complete = (1..).find(|number| !came.contains(number)).unwrap() - 1;
+            prop_assert_eq!(inbox.complete(), complete);
+            let (mut named, mut end) = (Vec::new(), complete);
+            for [first, last] in gaps.come_after(complete) {
+                named.extend(first..=last);
+                end = last;
+            }
+            prop_assert!(came.range(complete + 1..end + 1).eq(&named));
+            let is_full = gaps.as_slice().len() == teleclay_proto::frame::MAX_GAPS;
+            prop_assert!(is_full || came.range(end + 1..).next().is_none());
+            prop_assert!(!came.contains(&(end + 1)));
+        }
+
         /// Whatever is lost and whatever is late, each sweep is carried out exactly once, and in the end all are acknowledged.
         #[test]
         fn log_and_inbox_agree_across_a_bad_line(
@@ -166,7 +237,7 @@ mod tests {
                     carried_out.extend(packet.iter().filter(|s| inbox.on_sweep(s.sequence) == Novelty::New).map(|s| s.sequence));
                 }
                 if !echo_lost {
-                    log.on_acknowledged(inbox.complete());
+                    log.on_acknowledged(inbox.complete(), &gaps_of(&inbox));
                 }
             }
             for _ in 0..1000 {
@@ -175,7 +246,7 @@ mod tests {
                 log.fill(now, &mut packet);
                 log.on_sent(now, &packet);
                 carried_out.extend(packet.iter().filter(|s| inbox.on_sweep(s.sequence) == Novelty::New).map(|s| s.sequence));
-                log.on_acknowledged(inbox.complete());
+                log.on_acknowledged(inbox.complete(), &gaps_of(&inbox));
             }
             carried_out.sort_unstable();
             prop_assert_eq!(carried_out, (1..=400).collect::<Vec<_>>());

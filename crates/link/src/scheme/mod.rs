@@ -128,6 +128,12 @@ pub trait HandleController: Send {
     /// A frame came after a newer one, or came again. Only a scheme that plays samples in their order wants it.
     fn on_late_frame(&mut self, _now: Timestamp, _frame: &ToolFrame) {}
 
+    /// A frame came that had waited in a queue, see [`freshness`](crate::freshness). Only the facts in it count: cuts, and what became of cuts.
+    fn on_stale_frame(&mut self, _now: Timestamp, _frame: &ToolFrame) {}
+
+    /// Frames are news again after some that had waited. Nothing is owed for what those said.
+    fn on_news_again(&mut self) {}
+
     /// The force on the hand for this tick, N, before limits and ramps.
     fn reaction(&mut self, now: Timestamp, port: &HandlePort) -> Vec3;
 
@@ -201,6 +207,12 @@ pub trait ToolController: Send {
 
     /// A frame came after a newer one, or came again. Only a scheme that plays samples in their order wants it.
     fn on_late_frame(&mut self, _now: Timestamp, _frame: &HandleFrame) {}
+
+    /// A frame came that had waited in a queue, see [`freshness`](crate::freshness). Only the facts in it count: cuts, and what became of cuts.
+    fn on_stale_frame(&mut self, _now: Timestamp, _frame: &HandleFrame) {}
+
+    /// Frames are news again after some that had waited. Nothing is owed for what those said.
+    fn on_news_again(&mut self) {}
 
     /// One tick of a tool that the handle's sweeps lead. `None` where they do not: then the tool follows [`ToolController::reference`].
     fn merge(

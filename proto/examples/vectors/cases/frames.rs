@@ -3,8 +3,8 @@
 use serde_json::{Value, json};
 use teleclay_proto::Scheme;
 use teleclay_proto::frame::{
-    CopyState, Corrections, Engagement, HandleFrame, Header, LoopStatus, MAX_FRAME, MAX_SWEEPS,
-    SweepRecord, SweepRefusal, Sweeps, ToolFrame,
+    CopyState, Corrections, Engagement, Gap, Gaps, HandleFrame, Header, LoopStatus, MAX_FRAME,
+    MAX_GAPS, MAX_SWEEPS, SweepRecord, SweepRefusal, Sweeps, ToolFrame,
 };
 
 use super::values::{handle_frame_value, hex, tool_frame_value};
@@ -24,11 +24,16 @@ pub(super) fn handle_frames() -> Value {
         },
         SweepRecord {
             sequence: 0,
+            from: [5, 6, 7],
+            to: [5 - 0x8000, 6 + 0x7fff, 7],
+        },
+        SweepRecord {
+            sequence: 2,
             from: [-2, -3, -4],
             to: [-5, -6, -7],
         },
     ] {
-        sweeps.push(sweep).expect("three fit");
+        sweeps.push(sweep).expect("four fit");
     }
     let every_field = HandleFrame {
         header: header(),
@@ -42,6 +47,7 @@ pub(super) fn handle_frames() -> Value {
         energy_in_j: [1e-3, 2e-3, 3e-3],
         clay_hash: 0xfedc_ba98_7654_3210,
         relayed_acknowledged: 0x5453_5251,
+        relayed_gaps: gaps(&[[1, 2], [0x7271, 0x7473]]),
         copy: CopyState::Stale,
         corrections: Corrections {
             moved_n: 1.5,
@@ -63,6 +69,7 @@ pub(super) fn handle_frames() -> Value {
         })
         .expect("it fits");
     }
+    let many = [[3, 7]; MAX_GAPS];
     let longest = HandleFrame {
         header: Header {
             scheme: Scheme::Replica,
@@ -72,6 +79,7 @@ pub(super) fn handle_frames() -> Value {
         position_m: [f64::NAN, f64::INFINITY, f64::NEG_INFINITY],
         velocity_m_s: [-0.0, f64::MIN_POSITIVE, f64::MAX],
         sweeps: full,
+        relayed_gaps: gaps(&many),
         ..HandleFrame::default()
     };
     let case = |name: &str, frame: &HandleFrame| {
@@ -83,7 +91,7 @@ pub(super) fn handle_frames() -> Value {
         "cases": [
             case("a handle at rest", &HandleFrame::default()),
             case("every field, numbers about to wrap", &every_field),
-            case("as many sweeps as fit, floats that are not finite", &longest),
+            case("as many sweeps and gaps as fit, floats that are not finite", &longest),
         ],
     })
 }
@@ -112,6 +120,7 @@ pub(super) fn tool_frames() -> Value {
         energy_in_j: [1e-3, 2e-3, 3e-3],
         engaged_area_m2: 1e-4,
         sweeps_acknowledged: 0x4443_4241,
+        sweep_gaps: gaps(&[[0x5251, 0x5453]]),
         sweeps_refused: 0x4847_4645,
         clay_hash: 0xfedc_ba98_7654_3210,
         relayed,
@@ -133,6 +142,14 @@ pub(super) fn tool_frames() -> Value {
             case("a session in fault", &fault),
         ],
     })
+}
+
+fn gaps(pairs: &[[u16; 2]]) -> Gaps {
+    let mut gaps = Gaps::default();
+    for &[missing, come] in pairs {
+        gaps.push(Gap { missing, come }).expect("it is one");
+    }
+    gaps
 }
 
 fn header() -> Header {

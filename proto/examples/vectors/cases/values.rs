@@ -1,7 +1,7 @@
 //! Messages as the vectors tell them.
 
 use serde_json::{Value, json};
-use teleclay_proto::frame::{HandleFrame, Header, Sweeps, ToolFrame};
+use teleclay_proto::frame::{Gaps, HandleFrame, Header, Sweeps, ToolFrame};
 use teleclay_proto::http::ClayHash;
 use teleclay_proto::watch::{BRICK_VOXELS, BrickBody, BricksKind, BricksView, TelemetryView};
 
@@ -19,6 +19,7 @@ pub fn handle_frame_value(frame: &HandleFrame) -> Value {
         "energy_in_j": floats(frame.energy_in_j),
         "clay_hash": ClayHash(frame.clay_hash).to_string(),
         "relayed_acknowledged": frame.relayed_acknowledged,
+        "relayed_gaps": gaps_value(&frame.relayed_gaps),
         "copy": frame.copy.word(),
         "corrections": {
             "moved_n": float(frame.corrections.moved_n),
@@ -31,6 +32,13 @@ pub fn handle_frame_value(frame: &HandleFrame) -> Value {
         "oldest_unacknowledged": frame.sweeps.oldest_unacknowledged,
         "sweeps": sweeps_value(&frame.sweeps),
     })
+}
+
+fn gaps_value(gaps: &Gaps) -> Vec<[u16; 2]> {
+    gaps.as_slice()
+        .iter()
+        .map(|gap| [gap.missing, gap.come])
+        .collect()
 }
 
 fn sweeps_value(sweeps: &Sweeps) -> Vec<Value> {
@@ -54,6 +62,7 @@ pub fn tool_frame_value(frame: &ToolFrame) -> Value {
         "energy_in_j": floats(frame.energy_in_j),
         "engaged_area_m2": float(frame.engaged_area_m2),
         "sweeps_acknowledged": frame.sweeps_acknowledged,
+        "sweep_gaps": gaps_value(&frame.sweep_gaps),
         "sweeps_refused": frame.sweeps_refused,
         "clay_hash": ClayHash(frame.clay_hash).to_string(),
         "relayed_oldest_unacknowledged": frame.relayed.oldest_unacknowledged,

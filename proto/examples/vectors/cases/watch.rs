@@ -174,6 +174,13 @@ pub(super) fn refused() -> Value {
     };
     let longer = |message: &[u8]| [message, &[0]].concat();
     let shorter = |message: &[u8]| message[..message.len() - 1].to_vec();
+    // One run of so many sweeps, in so many bytes a coordinate and all told.
+    let with_run = |count: u8, width: u8, length: usize| {
+        let mut run = vec![0; 20 + length];
+        (run[4], run[5]) = (count, width);
+        [&with(&handle, 272, 1)[..], &run].concat()
+    };
+    let with_run_byte = |at: usize| with(&with_run(1, 2, 6), handle.len() + at, 1);
     let case = |decoder: &str, name: &str, error: &str, bytes: Vec<u8>| json!({ "decoder": decoder, "name": name, "error": error, "hex": hex(&bytes) });
     json!({
         "about": "bytes that no decoder may accept",
@@ -188,8 +195,15 @@ pub(super) fn refused() -> Value {
             case("handle_frame", "no such engagement", "unknown_value", with(&handle, 45, 3)),
             case("handle_frame", "reserved bytes of the header in use", "reserved_not_zero", with(&handle, 46, 1)),
             case("handle_frame", "reserved bytes in use", "reserved_not_zero", with(&handle, 230, 1)),
-            case("handle_frame", "a sweep is announced but missing", "too_short", with(&handle, 272, 1)),
-            case("handle_frame", "25 sweeps", "too_many", [&with(&handle, 272, 25)[..], &[0; 25 * 28]].concat()),
+            case("handle_frame", "a run of sweeps is announced but missing", "too_short", with(&handle, 272, 1)),
+            case("handle_frame", "a run without a sweep", "unknown_value", with_run(0, 2, 0)),
+            case("handle_frame", "a step of three bytes a coordinate", "unknown_value", with_run(1, 3, 9)),
+            case("handle_frame", "reserved bytes of a run in use", "reserved_not_zero", with_run_byte(6)),
+            case("handle_frame", "131 sweeps in a run", "too_many", with_run(131, 2, 131 * 6)),
+            case("handle_frame", "a gap is announced but missing", "too_short", with(&handle, 229, 1)),
+            case("handle_frame", "a gap of nothing", "unknown_value", [&with(&handle, 229, 1)[..], &[0, 0, 1, 0]].concat()),
+            case("handle_frame", "nothing behind a gap", "unknown_value", [&with(&handle, 229, 1)[..], &[1, 0, 0, 0]].concat()),
+            case("handle_frame", "17 gaps", "too_many", [&with(&handle, 229, 17)[..], &[1, 0, 1, 0].repeat(17)].concat()),
             case("tool_frame", "a byte too few", "too_short", shorter(&tool)),
             case("tool_frame", "a byte too many", "trailing_bytes", longer(&tool)),
             case("tool_frame", "a handle frame", "wrong_kind", handle.clone()),

@@ -86,6 +86,8 @@ pub struct ReplicaHandle {
     status: LoopStatus,
     gain: f64,
     last_frame: Option<Timestamp>,
+    /// Ownership epoch of the server that was heard last.
+    owner: Option<u32>,
     /// Displacement of the server's tool as last received, m.
     far_tool: Option<Vec3>,
     refused: u32,
@@ -117,6 +119,7 @@ impl ReplicaHandle {
             status: LoopStatus::Idle,
             gain: 0.0,
             last_frame: None,
+            owner: None,
             far_tool: None,
             refused: 0,
             is_diverged: false,
@@ -152,6 +155,20 @@ impl ReplicaHandle {
         }
     }
 
+    fn take_acknowledgement(&mut self, frame: &ToolFrame) {
+        let owner = frame.header.ownership_epoch;
+        if self
+            .owner
+            .replace(owner)
+            .is_some_and(|before| before != owner)
+        {
+            // What came to the server before need not have come to this one.
+            self.log.forget_what_came();
+        }
+        self.log
+            .on_acknowledged(frame.sweeps_acknowledged, &frame.sweep_gaps);
+    }
+
     fn take_relayed(&mut self, now: Timestamp, frame: &ToolFrame) {
         self.inbox.skip_to(frame.relayed.oldest_unacknowledged);
         for record in &frame.relayed {
@@ -163,7 +180,7 @@ impl ReplicaHandle {
             if self.inbox.on_sweep(record.sequence) != Novelty::New {
                 continue;
             }
-            let cut = cut_of(record);
+            let cut = cut_of(&record);
             self.others.push(now, cut);
             if let Some(copy) = &mut self.copy {
                 copy.correct(cut);
@@ -312,12 +329,11 @@ impl HandleController for ReplicaHandle {
         self.last_frame = Some(now);
         self.status = frame.status;
         self.far_tool = Some(Vec3::from(frame.position_m) - self.setup.home);
-        self.log.on_acknowledged(frame.sweeps_acknowledged);
+        self.take_acknowledgement(frame);
         let header = &frame.header;
         if let Some(round_trip) = round_trip::of_exchange(now, header.echo_ns, header.echo_hold_ns)
         {
-            self.log.on_round_trip(round_trip);
-            self.log.on_echo(Timestamp::from_nanos(header.echo_ns));
+            self.log.on_round_trip(now, round_trip);
         }
         if frame.header.clay_epoch != self.epoch {
             self.start_epoch(now, frame.header.clay_epoch);
@@ -334,6 +350,13 @@ impl HandleController for ReplicaHandle {
 
     fn on_late_frame(&mut self, now: Timestamp, frame: &ToolFrame) {
         if frame.header.scheme == Scheme::Replica && frame.header.clay_epoch == self.epoch {
+            self.take_relayed(now, frame);
+        }
+    }
+
+    fn on_stale_frame(&mut self, now: Timestamp, frame: &ToolFrame) {
+        if frame.header.scheme == Scheme::Replica && frame.header.clay_epoch == self.epoch {
+            self.take_acknowledgement(frame);
             self.take_relayed(now, frame);
         }
     }
@@ -356,6 +379,7 @@ impl HandleController for ReplicaHandle {
         frame.corrections = self.corrections();
         frame.clay_hash = self.copy.as_ref().and_then(Copy::hash).unwrap_or(0);
         frame.relayed_acknowledged = self.inbox.complete();
+        self.inbox.fill(&mut frame.relayed_gaps);
         frame.header.clay_epoch = self.copy.as_ref().map_or(self.epoch, Copy::epoch);
         let now = Timestamp::from_nanos(frame.header.sent_ns);
         self.log.fill(now, &mut frame.sweeps);

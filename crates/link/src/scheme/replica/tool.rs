@@ -11,14 +11,14 @@ use teleclay_proto::{Scheme, is_after};
 use crate::Vec3;
 use crate::deadband::Signal;
 use crate::motion_limiter::Recovery;
-use crate::replica::{Cut, Impossible, Novelty, SweepInbox, SweepLog, ToolSetup};
+use crate::replica::{Cut, Impossible, Novelty, SweepInbox, SweepLog, ToolSetup, WINDOW};
 use crate::round_trip;
 use crate::scheme::tdpa::TdpaTool;
 use crate::scheme::{Coupling, Generation, ToolController, ToolPort};
 use crate::time::Timestamp;
 
-/// Sweeps that wait for the tick at most. What does not fit is not noted as come, so the handle repeats it.
-const WAITING: usize = 256;
+/// Sweeps that wait for the tick at most: as many as can be under way, so that none is ever refused room.
+const WAITING: usize = WINDOW;
 /// Sweeps merged in one tick at most: what an outage held back comes at 64 times the speed at which it was made.
 const MERGES_A_TICK: usize = 64;
 
@@ -140,10 +140,11 @@ impl ReplicaTool {
         self.inbox.skip_to(sweeps.oldest_unacknowledged);
         for record in sweeps {
             if WAITING <= self.pending.len() {
+                // Not noted as come, so it will be repeated.
                 return;
             }
             if self.inbox.on_sweep(record.sequence) == Novelty::New {
-                self.pending.push(*record);
+                self.pending.push(record);
             }
         }
     }
@@ -245,12 +246,12 @@ impl ToolController for ReplicaTool {
         self.fallback.take_in(frame);
         let is_of_this_block = frame.header.clay_epoch == self.epoch;
         self.handle_leads = frame.copy != CopyState::None && is_of_this_block;
-        self.relay.on_acknowledged(frame.relayed_acknowledged);
+        self.relay
+            .on_acknowledged(frame.relayed_acknowledged, &frame.relayed_gaps);
         let header = &frame.header;
         if let Some(round_trip) = round_trip::of_exchange(now, header.echo_ns, header.echo_hold_ns)
         {
-            self.relay.on_round_trip(round_trip);
-            self.relay.on_echo(Timestamp::from_nanos(header.echo_ns));
+            self.relay.on_round_trip(now, round_trip);
         }
         let newest = frame.sweeps.iter().map(|sweep| sweep.sequence).max();
         let newest = newest.unwrap_or(0);
@@ -277,6 +278,17 @@ impl ToolController for ReplicaTool {
         } else {
             self.refuse_sweeps(&frame.sweeps);
         }
+    }
+
+    fn on_stale_frame(&mut self, now: Timestamp, frame: &HandleFrame) {
+        if !self.is_of_this_generation(frame) {
+            return;
+        }
+        self.relay
+            .on_acknowledged(frame.relayed_acknowledged, &frame.relayed_gaps);
+        let newest = frame.sweeps.iter().map(|sweep| sweep.sequence).max();
+        self.seen = self.seen.max(newest.unwrap_or(0));
+        self.on_late_frame(now, frame);
     }
 
     fn merge(
@@ -370,6 +382,7 @@ impl ToolController for ReplicaTool {
     fn fill(&mut self, frame: &mut ToolFrame) {
         self.fallback.fill(frame);
         frame.sweeps_acknowledged = self.inbox.complete();
+        self.inbox.fill(&mut frame.sweep_gaps);
         frame.sweeps_refused = self.refused;
         frame.refusal = self.refusal;
         frame.clay_hash = self.hash;

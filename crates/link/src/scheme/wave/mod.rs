@@ -162,6 +162,10 @@ impl HandleController for WaveHandle {
         self.on_frame(now, frame);
     }
 
+    fn on_news_again(&mut self) {
+        self.port.incoming.restart();
+    }
+
     fn reaction(&mut self, now: Timestamp, port: &HandlePort) -> Vec3 {
         let work_j = -port.felt_force.component_mul(&port.displacement);
         self.port.send(port.displacement, work_j);
@@ -225,6 +229,10 @@ impl ToolController for WaveTool {
 
     fn on_late_frame(&mut self, now: Timestamp, frame: &HandleFrame) {
         self.on_frame(now, frame);
+    }
+
+    fn on_news_again(&mut self) {
+        self.port.incoming.restart();
     }
 
     fn reference(&mut self, now: Timestamp, port: &ToolPort, _remote_gain: f64) -> Vec3 {

@@ -7,25 +7,31 @@
 //! Snapshots of the clay travel beside the lines, as on a stream that repeats what is lost: asked for at a delay up,
 //! taken from the clay then, there after a delay down.
 
+mod halt;
+mod hand;
+
 use std::time::Duration;
 
-use teleclay_bilateral::{HandleSide, HandleStep, Lease, LinkState, ParameterError, ToolSide};
+use teleclay_bilateral::{HandleSide, HandleStep, Lease, ParameterError, ToolSide};
 use teleclay_clay::Clay;
 use teleclay_device::DeviceSample;
-use teleclay_link::Vec3;
+use teleclay_link::conditioner::{Conditioner, Impairment, Stall};
 use teleclay_link::deadband::{DeadbandError, DeadbandSettings};
-use teleclay_link::energy::Observer;
 use teleclay_link::scheme::ClayCopy;
 use teleclay_link::scheme::replica::Snapshot;
 use teleclay_link::time::Timestamp;
 use teleclay_operator::{Axes, Intent, SimulatedHandle, SimulatedHandleError};
-use teleclay_proto::frame::ToolFrame;
+use teleclay_proto::frame::{HandleFrame, ToolFrame};
 use teleclay_proto::http::{NewSession, SessionPatch};
 use teleclay_proto::join::LoopParameters;
 use teleclay_proto::{Scheme, SessionId};
 use teleclay_session::{
     Command, Lines, Operator, Prepared, Refusal, Rules, Session, SessionSetup, Settings,
 };
+
+pub use halt::Halt;
+use halt::{Halted, noticed_since};
+use hand::{Clock, Hand, UnderWay};
 
 /// Most frames that one tick can deliver to a handle.
 const INBOX: usize = 8192;
@@ -73,29 +79,6 @@ pub struct Traffic {
     pub bytes: u64,
 }
 
-/// A snapshot under way to a handle.
-struct UnderWay {
-    number: u32,
-    /// When the server takes it, and when it is there.
-    taken: Timestamp,
-    due: Timestamp,
-    snapshot: Option<Snapshot>,
-}
-
-/// One operator, attached to a tool slot of the session.
-struct Hand {
-    device: SimulatedHandle,
-    handle: HandleSide,
-    inbox: Vec<ToolFrame>,
-    last: HandleStep,
-    observer: Observer,
-    sent: Traffic,
-    received_from: Traffic,
-    snapshot: Option<UnderWay>,
-    /// Where somebody holds the handle fast, if somebody does.
-    held: Option<DeviceSample>,
-}
-
 /// Operators, one session, a line to each, on virtual time.
 pub struct Rig {
     tick: Duration,
@@ -106,75 +89,29 @@ pub struct Rig {
     lines: Lines,
     /// The block as it was at first.
     block: Clay,
+    /// The session's program stands still, and what waits outside of it.
+    halt: Option<Halted>,
+    outside: Vec<(usize, HandleFrame)>,
+    /// What has come to it in this tick.
+    came_up: Vec<(usize, HandleFrame)>,
+    /// What stands between the lines and the programs, once a test asks for it.
+    wires: Vec<Wires>,
 }
 
-impl Hand {
-    fn new(
-        parameters: &LoopParameters,
-        intent: Intent,
-        lease: Lease,
-        clay: &Clay,
-    ) -> Result<Self, RigError> {
-        let axes = axes_of(parameters);
-        let mut handle = HandleSide::new(parameters, lease)?;
-        if parameters.scheme.keeps_a_copy() {
-            // The clay comes with the lease.
-            handle.handle_snapshot(Snapshot {
-                clay: Box::new(clay.clone()),
-                epoch: 1,
-            });
-        }
-        Ok(Self {
-            device: SimulatedHandle::new(axes, parameters.tick_s, intent)?,
-            handle,
-            inbox: Vec::with_capacity(INBOX),
-            last: HandleStep {
-                command_m: [0.0; 3],
-                felt_force_n: [0.0; 3],
-                link_state: LinkState::NotYet,
-            },
-            observer: Observer::new(parameters.position_ratio * parameters.force_ratio),
-            sent: Traffic::default(),
-            received_from: Traffic::default(),
-            snapshot: None,
-            held: None,
-        })
-    }
+/// A direction each of a network that only stalls, with room for all that a test holds back.
+struct Wires {
+    up: Conditioner<HandleFrame>,
+    down: Conditioner<ToolFrame>,
+}
 
-    fn step(&mut self, now: Timestamp) -> DeviceSample {
-        for frame in self.inbox.drain(..) {
-            self.handle.handle_frame(now, &frame);
-        }
-        let before = self.held.unwrap_or_else(|| self.device.sample());
-        self.last = self.handle.step(now, &before);
-        if self.held.is_none() {
-            self.device.command(self.last.command_m);
-        }
-        drop(self.handle.poll_retired());
-        self.handle.restock();
-        before
-    }
+impl Wires {
+    const ROOM: usize = 1 << 15;
 
-    /// Takes the true work of the tick at both ends into the energy balance. The force on the hand is zero on an axis that
-    /// reflects none; the clay's is not, so it is left out there. Where the hand works on a copy, that is the clay it works on.
-    fn observe(&mut self, before: &DeviceSample, tool: &ToolSide, axes: Axes, tick_s: f64) {
-        let after = self.held.unwrap_or_else(|| self.device.sample());
-        let way = Vec3::from(after.position_m) - Vec3::from(before.position_m);
-        self.observer
-            .on_hand(Vec3::from(self.last.felt_force_n), way);
-        let copy = self.handle.clay_copy().and_then(ClayCopy::copy);
-        let (force, mut tool_way) = match copy {
-            Some(copy) => (copy.answer(), copy.way()),
-            None => {
-                let view = tool.view();
-                let tool_way = Vec3::from(view.velocity_m_s) * tick_s;
-                (Vec3::from(view.force_n), tool_way)
-            }
-        };
-        if axes == Axes::Two {
-            tool_way.z = 0.0;
+    fn new() -> Self {
+        Self {
+            up: Conditioner::new(Impairment::default(), 0, Self::ROOM),
+            down: Conditioner::new(Impairment::default(), 0, Self::ROOM),
         }
-        self.observer.on_clay(force, tool_way);
     }
 }
 
@@ -246,6 +183,10 @@ impl Rig {
             session,
             lines,
             block: clay,
+            halt: None,
+            outside: Vec::new(),
+            came_up: Vec::new(),
+            wires: Vec::new(),
         })
     }
 
@@ -253,33 +194,74 @@ impl Rig {
     pub fn tick(&mut self) {
         let now = self.now;
         self.deliver_snapshots();
+        if self.halt.is_some_and(|halt| halt.until <= now) {
+            noticed_since(&mut self.halt);
+            for (slot, frame) in self.outside.drain(..) {
+                self.session.handle_frame(now, slot, &frame);
+            }
+        }
         let mut before = [None; MAX_TOOLS];
         for (slot, hand) in self.hands.iter_mut().enumerate() {
             before[slot % MAX_TOOLS] = Some(hand.step(now));
-            if let Some(frame) = hand.handle.frame_to_send() {
+            if let Some(frame) = hand.frame_to_send() {
+                let frame = frame.clone();
                 hand.sent.frames += 1;
                 hand.sent.bytes += frame.encoded_len() as u64;
-                self.session.handle_frame(now, slot, frame);
+                match self.wires.get_mut(slot) {
+                    Some(wires) => wires.up.push(now, frame),
+                    None => self.came_up.push((slot, frame)),
+                }
+            }
+            if let Some(wires) = self.wires.get_mut(slot) {
+                let due = std::iter::from_fn(|| wires.up.poll(now));
+                self.came_up.extend(due.map(|frame| (slot, frame)));
             }
         }
-        self.session.tick(now);
-        while let Some((slot, frame)) = self.session.poll_transmit() {
-            self.hands[slot].inbox.push(*frame);
+        let is_stopped = self.halt.is_some_and(|halt| halt.how == Halt::Program);
+        for (slot, frame) in self.came_up.drain(..) {
+            if is_stopped {
+                self.outside.push((slot, frame));
+            } else {
+                self.session.handle_frame(now, slot, &frame);
+            }
         }
-        while self.session.poll_event().is_some() {}
-        while self.session.poll_retired().is_some() {}
+        if self.halt.is_none() {
+            self.tick_session(now);
+        }
+        for (hand, wires) in self.hands.iter_mut().zip(&mut self.wires) {
+            // A handle notices in its next tick what comes in this one.
+            let noticed = now.after(self.tick);
+            let due = std::iter::from_fn(|| wires.down.poll(now));
+            hand.inbox.extend(due.map(|frame| (noticed, frame)));
+        }
         let tick_s = self.tick.as_secs_f64();
         for (slot, hand) in self.hands.iter_mut().enumerate() {
             let tool = self.session.side(slot).expect(ATTACHED);
-            if let Some(frame) = tool.frame_to_send() {
+            if let Some(frame) = tool.frame_to_send().filter(|_| self.halt.is_none()) {
                 hand.received_from.frames += 1;
                 hand.received_from.bytes += frame.encoded_len() as u64;
             }
             if let Some(before) = &before[slot % MAX_TOOLS] {
-                hand.observe(before, tool, self.axes, tick_s);
+                // A tool side that stands still has moved no tool.
+                let tool_s = if self.halt.is_none() { tick_s } else { 0.0 };
+                hand.observe(before, tool, self.axes, tool_s);
             }
         }
         self.now = self.now.after(self.tick);
+    }
+
+    fn tick_session(&mut self, now: Timestamp) {
+        self.session.tick(now);
+        // A handle notices in its next tick what a line delivers in this one.
+        let noticed = now.after(self.tick);
+        while let Some((slot, frame)) = self.session.poll_transmit() {
+            match self.wires.get_mut(slot) {
+                Some(wires) => wires.down.push(now, *frame),
+                None => self.hands[slot].inbox.push((noticed, *frame)),
+            }
+        }
+        while self.session.poll_event().is_some() {}
+        while self.session.poll_retired().is_some() {}
     }
 
     fn deliver_snapshots(&mut self) {
@@ -355,6 +337,41 @@ impl Rig {
         for hand in &mut self.hands {
             hand.held = None;
         }
+    }
+
+    /// Holds the first handle at a place of somebody's choice from the next tick on, whatever the loop commands.
+    pub fn hold_handle_at(&mut self, sample: DeviceSample) {
+        self.hands[0].held = Some(sample);
+    }
+
+    /// The program of the first handle stands still for `span`. The device goes on at the last command, the hand feels the last force.
+    pub fn halt_handle(&mut self, how: Halt, span: Duration) {
+        let until = self.now.after(span);
+        self.hands[0].halt = Some(Halted { how, until });
+    }
+
+    /// The session's program stands still for `span`.
+    pub fn halt_session(&mut self, how: Halt, span: Duration) {
+        let until = self.now.after(span);
+        self.halt = Some(Halted { how, until });
+    }
+
+    /// Beyond the lines, each direction stalls once, whatever they do; what is held back has room.
+    pub fn stall(&mut self, up: Option<Stall>, down: Option<Stall>) {
+        let stalling = |stall| Impairment {
+            stall,
+            ..Impairment::default()
+        };
+        self.wires.resize_with(self.hands.len(), Wires::new);
+        for wires in &mut self.wires {
+            wires.up.impair(stalling(up));
+            wires.down.impair(stalling(down));
+        }
+    }
+
+    /// The clock of the first handle's program is ahead by this much, and runs this many millionths fast.
+    pub fn set_handle_clock(&mut self, ahead: Duration, ppm: f64) {
+        self.hands[0].clock = Clock { ahead, ppm };
     }
 
     /// Changes what the lines do, from the next frame on.

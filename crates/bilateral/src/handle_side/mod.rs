@@ -7,27 +7,29 @@
 //! `v_h = C_h1 (f_h + reaction)`: for force exchange that is [KHMH03] (21) with (30). The command starts at the place where the device stands when
 //! the loop takes over, so taking over moves nothing.
 
+mod felt;
+mod frames;
+
 use std::sync::Arc;
 
 use teleclay_clay::Clay;
 use teleclay_control::State;
 use teleclay_device::DeviceSample;
 use teleclay_link::Vec3;
-use teleclay_link::arrivals::{Arrival, ArrivalCounts, Arrivals};
+use teleclay_link::arrivals::{ArrivalCounts, Arrivals};
 use teleclay_link::deadband::{Deadband, DeadbandError, DeadbandSettings};
+use teleclay_link::freshness::Freshness;
 use teleclay_link::replica::ToolSetup;
 use teleclay_link::round_trip::RoundTrip;
-use teleclay_link::safety::{ForceLimiter, NotFinite, Watchdog, check};
+use teleclay_link::safety::{ForceLimiter, Implausible, Measure, Watchdog, check};
 use teleclay_link::scheme::replica::{Snapshot, WantedSnapshot};
 use teleclay_link::scheme::{
     ClayCopy, HandleController, HandlePort, SchemeContext, handle_controller,
 };
 use teleclay_link::time::Timestamp;
-use teleclay_proto::frame::{
-    CopyState, Corrections, Engagement, HandleFrame, Header, LoopStatus, Sweeps, ToolFrame,
-};
+use teleclay_proto::Scheme;
+use teleclay_proto::frame::{CopyState, Engagement, HandleFrame, Header, LoopStatus};
 use teleclay_proto::join::LoopParameters;
-use teleclay_proto::{Scheme, is_after};
 
 use crate::parameters::{LoopModel, ParameterError};
 
@@ -114,6 +116,7 @@ pub struct HandleSide {
     /// Where the handle was at the last step.
     position: Option<Vec3>,
     watchdog: Watchdog,
+    freshness: Freshness,
     /// Of what the scheme makes: the watchdog's, or full where the scheme needs no frames.
     remote_gain: f64,
     needed_frames: bool,
@@ -131,7 +134,7 @@ pub struct HandleSide {
     status: LoopStatus,
     /// When the tool side was seen to go, until it is heard of again.
     gone_since: Option<Timestamp>,
-    fault: Option<NotFinite>,
+    fault: Option<Implausible>,
     frame: HandleFrame,
     deadband: Option<Deadband>,
     /// Engagement and scheme as last sent.
@@ -164,6 +167,7 @@ impl HandleSide {
             origin: None,
             position: None,
             watchdog: Watchdog::new(model.watchdog),
+            freshness: Freshness::new(model.watchdog.silence),
             remote_gain: 0.0,
             needed_frames: true,
             status_gain: 0.0,
@@ -211,63 +215,20 @@ impl HandleSide {
         Ok(())
     }
 
-    /// A frame came from the tool side. Frames under another lease, and those of an earlier server of the session, are not ours; older ones are counted,
-    /// and shown to a scheme that plays its samples in order.
-    pub fn handle_frame(&mut self, now: Timestamp, frame: &ToolFrame) {
-        let header = &frame.header;
-        let own = &mut self.frame.header;
-        if header.lease != own.lease || is_after(own.ownership_epoch, header.ownership_epoch) {
-            return;
-        }
-        own.ownership_epoch = header.ownership_epoch;
-        // What was on its way when the tool side went is no sign of life.
-        let silence = self.model.watchdog.silence;
-        if self
-            .gone_since
-            .is_some_and(|since| silence < now.since(since))
-        {
-            self.gone_since = None;
-        }
-        let arrival = self.arrivals.on_sequence(header.sequence);
-        let outside = [
-            ("position_m", &frame.position_m[..]),
-            ("velocity_m_s", &frame.velocity_m_s),
-            ("force_n", &frame.force_n),
-            ("wave", &frame.wave),
-            ("wave_integral", &frame.wave_integral),
-            ("energy_in_j", &frame.energy_in_j),
-        ];
-        if let Err(fault) = check(&outside) {
-            self.fault = Some(fault);
-            return;
-        }
-        if arrival != Arrival::Newest {
-            let is_of_this_scheme =
-                header.scheme == self.scheme && !is_after(self.scheme_since, header.sequence);
-            if is_of_this_scheme {
-                self.controller.on_late_frame(now, frame);
-            }
-            return;
-        }
-        self.round_trip
-            .on_frame(now, header.sent_ns, header.echo_ns, header.echo_hold_ns);
-        self.watchdog.on_frame(now);
-        self.status = frame.status;
-        self.frame.header.clay_epoch = header.clay_epoch;
-        self.frame.header.revision = header.revision;
-        let is_mine =
-            header.scheme == self.scheme || self.change_scheme(header.scheme, header.sequence);
-        if is_mine {
-            self.controller.on_frame(now, frame);
-        }
-    }
-
     /// One tick.
     pub fn step(&mut self, now: Timestamp, sample: &DeviceSample) -> HandleStep {
         let measured = [
-            ("device position_m", &sample.position_m[..]),
-            ("device velocity_m_s", &sample.velocity_m_s),
-            ("device hand_force_n", &sample.hand_force_n),
+            (
+                "device position_m",
+                Measure::Position,
+                &sample.position_m[..],
+            ),
+            (
+                "device velocity_m_s",
+                Measure::Velocity,
+                &sample.velocity_m_s,
+            ),
+            ("device hand_force_n", Measure::Force, &sample.hand_force_n),
         ];
         if let Err(fault) = check(&measured) {
             self.fault = Some(fault);
@@ -405,7 +366,7 @@ impl HandleSide {
     }
 
     /// The value that ended this loop, if one did.
-    pub fn fault(&self) -> Option<NotFinite> {
+    pub fn fault(&self) -> Option<Implausible> {
         self.fault
     }
 
@@ -431,138 +392,6 @@ impl HandleSide {
             LinkState::Paused
         } else {
             LinkState::Live
-        }
-    }
-
-    fn felt_force(&mut self, now: Timestamp, port: &HandlePort) -> Vec3 {
-        let tick_s = self.model.tick_s();
-        let change = tick_s / self.model.setup().ramp_s;
-        let watchdog_gain = self.watchdog.step(now, tick_s);
-        let needs_frames = self.controller.needs_frames();
-        if needs_frames != std::mem::replace(&mut self.needed_frames, needs_frames) {
-            // A copy came or went: what the controller gives from now on is of another kind.
-            self.blend_starts = true;
-        }
-        self.remote_gain = if needs_frames {
-            watchdog_gain.max(self.remote_gain - change)
-        } else {
-            (self.remote_gain + change).min(1.0)
-        };
-        let works = matches!(self.status, LoopStatus::Running | LoopStatus::Idle)
-            && self.fault.is_none()
-            && self.gone_since.is_none();
-        self.status_gain =
-            (self.status_gain + if works { change } else { -change }).clamp(0.0, 1.0);
-
-        let fresh = self.controller.reaction(now, port);
-        if std::mem::take(&mut self.blend_starts) {
-            self.fading = self.last_reaction;
-            self.fading_share = 1.0;
-        }
-        let reaction = fresh + (self.fading - fresh) * self.fading_share;
-        self.fading_share -= self.fading_share * (tick_s / BLEND_S);
-        self.last_reaction = reaction;
-        let mut wanted = reaction * (self.remote_gain * self.status_gain);
-        if self.fault.is_some() {
-            wanted = Vec3::zeros();
-        }
-        for axis in self.model.axes..3 {
-            wanted[axis] = 0.0;
-        }
-        self.limiter.step(wanted, tick_s)
-    }
-
-    fn command(&mut self, port: &HandlePort, felt: Vec3) -> Vec3 {
-        let origin = *self.origin.get_or_insert(port.position);
-        let net = port.hand_force + felt;
-        let mut command = port.position;
-        for axis in 0..self.model.axes {
-            let [least, greatest] = self.model.handle_travel(axis);
-            let system = &self.model.coupling().admittance;
-            let next = origin[axis] + system.output(&self.admittance[axis], net[axis]);
-            // At the end of the travel nothing pushes further out: the admittance coasts to a stop against its own damping.
-            let pushes_out =
-                (greatest < next && 0.0 < net[axis]) || (next < least && net[axis] < 0.0);
-            let net = if pushes_out { 0.0 } else { net[axis] };
-            let next = origin[axis] + system.step(&mut self.admittance[axis], net);
-            command[axis] = next.clamp(least, greatest);
-        }
-        command
-    }
-
-    fn fill_frame(&mut self, now: Timestamp, port: &HandlePort, felt: Vec3) {
-        let (echo_ns, echo_hold_ns) = self.round_trip.echo(now);
-        let header = &mut self.frame.header;
-        header.sent_ns = now.as_nanos();
-        header.echo_ns = echo_ns;
-        header.echo_hold_ns = echo_hold_ns;
-        header.scheme = self.scheme;
-        self.frame.position_m = port.position.into();
-        self.frame.velocity_m_s = port.velocity.into();
-        self.frame.hand_force_n = port.hand_force.into();
-        self.frame.felt_force_n = felt.into();
-        self.controller.fill(&mut self.frame);
-        self.number_frame(now);
-    }
-
-    /// Decides whether the frame goes out. Numbers count the frames that do.
-    fn number_frame(&mut self, now: Timestamp) {
-        let announcement = (self.frame.engagement, self.scheme);
-        self.is_due = match &mut self.deadband {
-            Some(deadband) => {
-                if self.announced != Some(announcement) {
-                    deadband.insist();
-                }
-                if self.controller.has_urgent_news() {
-                    deadband.insist();
-                }
-                deadband.should_send(now, self.controller.signal(&self.frame))
-            }
-            None => true,
-        };
-        if self.is_due {
-            self.controller.on_sent(&self.frame);
-            self.announced = Some(announcement);
-            self.frame.header.sequence = self.frame.header.sequence.wrapping_add(1);
-        }
-    }
-
-    /// Whether the controller of `scheme` has taken over. Without one that waits, or without room for the one that is done, the present one goes on
-    /// with what it heard last.
-    fn change_scheme(&mut self, scheme: Scheme, since: u32) -> bool {
-        let has_room = self.retired.is_none();
-        let spare = &mut self.spares[usize::from(scheme.byte())];
-        let Some(mut controller) = spare.take_if(|_| has_room) else {
-            return false;
-        };
-        if let Some(copy) = controller.clay_copy_mut() {
-            copy.move_to(&self.model.context.setup);
-        }
-        self.retired = Some(std::mem::replace(&mut self.controller, controller));
-        self.scheme = scheme;
-        self.scheme_since = since;
-        self.frame.wave = [0.0; 3];
-        self.frame.wave_integral = [0.0; 3];
-        self.frame.energy_in_j = [0.0; 3];
-        self.frame.copy = CopyState::None;
-        self.frame.corrections = Corrections::default();
-        self.frame.clay_hash = 0;
-        self.frame.relayed_acknowledged = 0;
-        self.frame.sweeps = Sweeps::default();
-        // What was felt fades into what the new controller gives, instead of stepping there.
-        self.blend_starts = true;
-        true
-    }
-
-    /// A step without a usable sample: the command stays, the force goes.
-    fn hold(&mut self) -> HandleStep {
-        let felt = self.limiter.step(Vec3::zeros(), self.model.tick_s());
-        self.frame.header.sequence = self.frame.header.sequence.wrapping_add(1);
-        self.is_due = true;
-        HandleStep {
-            command_m: self.frame.position_m,
-            felt_force_n: felt.into(),
-            link_state: LinkState::Fault,
         }
     }
 }
