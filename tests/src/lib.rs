@@ -12,6 +12,7 @@
 //! | [`relay`] | UDP through a bad network, seeded |
 //! | [`namespaces`] | two hosts on one machine |
 //! | [`mesh`] | an STL file, and whether it is watertight |
+//! | [`starved`] | whether a live test had the time that it needs, and what then |
 //! | [`soak`] | a long run that watches its own memory |
 
 pub mod client;
@@ -23,4 +24,5 @@ pub mod recording;
 pub mod relay;
 pub mod soak;
 pub mod stage;
+pub mod starved;
 pub mod watcher;

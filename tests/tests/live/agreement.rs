@@ -18,6 +18,9 @@ use teleclay_tests::process::PATIENCE;
 use teleclay_tests::recording::{Row, norm};
 use teleclay_tests::relay::{Config, Line, Relay};
 use teleclay_tests::stage::{Handle, HandleOptions, Ports, Server, Transport, free_udp};
+use teleclay_tests::starved::live;
+
+use super::on_virtual_time;
 
 const RADIUS_M: f64 = 0.0064;
 /// The task is over by then.
@@ -90,7 +93,7 @@ fn on_the_rig(scheme: Scheme, session: &Session, [up, down]: [Line; 2]) -> Run {
     }
 }
 
-fn live(scheme: Scheme, lines: [Line; 2]) -> (Run, Session) {
+fn through_the_relay(scheme: Scheme, lines: [Line; 2]) -> (Run, Session) {
     let server = Server::start(Ports::free().unwrap(), Transport::Udp).unwrap();
     let client = &server.client;
     client
@@ -169,18 +172,32 @@ fn smoothed(values: &[[f64; 3]]) -> Vec<[f64; 3]> {
 
 #[test]
 fn each_scheme_does_through_the_relay_what_it_does_on_the_rig() {
+    live(compare_all_schemes, || {
+        let bad = "jitter_ms=3 loss=0.05";
+        on_virtual_time::nothing_is_lost_over(
+            &format!("delay_ms=15 {bad}"),
+            &format!("delay_ms=25 {bad}"),
+            4000,
+        );
+        for scheme in [Scheme::Wave, Scheme::Tdpa] {
+            on_virtual_time::no_energy_is_made(scheme, "delay_ms=15", "delay_ms=25");
+        }
+    });
+}
+
+fn compare_all_schemes() {
     for &scheme in Scheme::ALL {
         let lines = ["delay_ms=15", "delay_ms=25"].map(|line| line.parse::<Line>().unwrap());
-        let (live, session) = live(scheme, lines);
+        let (live_run, session) = through_the_relay(scheme, lines);
         let rig = on_the_rig(scheme, &session, lines);
         let greatest_n = rig.forces_n.iter().copied().map(norm).fold(0.0, f64::max);
         let force = [
-            rms_apart(&live.forces_n, &rig.forces_n),
-            rms_apart(&smoothed(&live.forces_n), &smoothed(&rig.forces_n)),
+            rms_apart(&live_run.forces_n, &rig.forces_n),
+            rms_apart(&smoothed(&live_run.forces_n), &smoothed(&rig.forces_n)),
         ]
         .map(|apart_n| apart_n / greatest_n);
-        let place_m = rms_apart(&live.positions_m, &rig.positions_m);
-        let volume = live.removed_units as f64 / rig.removed_units as f64 - 1.0;
+        let place_m = rms_apart(&live_run.positions_m, &rig.positions_m);
+        let volume = live_run.removed_units as f64 / rig.removed_units as f64 - 1.0;
         println!(
             "{scheme}: force {:.3} % of {greatest_n:.2} N apart, means over 20 ms {:.3} %; place {:.4} mm; removed volume {:+.3} %",
             100.0 * force[0],
@@ -195,7 +212,7 @@ fn each_scheme_does_through_the_relay_what_it_does_on_the_rig() {
         assert!(volume.abs() < 0.025, "{scheme}");
         if scheme == Scheme::Replica {
             // Once the copy is there the hand knows of no line, so it has cut the same to the last bit.
-            assert_eq!(live.removed_units, rig.removed_units);
+            assert_eq!(live_run.removed_units, rig.removed_units);
             assert!(force[0] < 0.01);
         }
     }

@@ -11,6 +11,7 @@ mod agreement;
 mod changing;
 mod endings;
 mod network;
+mod on_virtual_time;
 mod robot;
 mod sharing;
 mod soak;
