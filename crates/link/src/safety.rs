@@ -2,7 +2,8 @@
 //!
 //! - [`check`] is the only way in for numbers that come from outside the process: a value that is not finite, or greater
 //!   than what it measures ever is, names its field and ends in a fault.
-//! - [`Watchdog`] turns silence, and a line that delivers what had queued up, into a gain that ramps to 0, and a return into one that ramps to 1.
+//! - [`Watchdog`] turns silence, and a line that delivers what had queued up, into a gain that ramps to 0, and a return
+//!   into one that ramps to 1.
 //! - [`ForceLimiter`] bounds the force and its slope; what leaves it is finite.
 
 use std::time::Duration;
