@@ -44,8 +44,8 @@ pub struct Outages {
     pub length: Duration,
 }
 
-/// A line that stands still for a while and loses nothing by it: what queued up comes afterwards, in its order, as over a stream that repeats what
-/// was lost.
+/// A line that stands still for a while and loses nothing by it: what queued up comes afterwards, in its order, as over a
+/// stream that repeats what was lost.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stall {
     /// When it begins.

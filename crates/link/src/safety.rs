@@ -2,9 +2,11 @@
 //!
 //! - [`check`] is the only way in for numbers that come from outside the process: a value that is not finite, or greater
 //!   than what it measures ever is, names its field and ends in a fault.
-//! - [`Watchdog`] turns silence, and a line that delivers what had queued up, into a gain that ramps to 0, and a return into one that ramps to 1.
+//! - [`Watchdog`] turns silence, and a line that delivers what had queued up, into a gain that ramps to 0, and a return
+//!   into one that ramps to 1.
 //! - [`ForceLimiter`] bounds the force and its slope; what leaves it is finite.
 
+use std::fmt;
 use std::time::Duration;
 
 use crate::Vec3;
@@ -12,10 +14,30 @@ use crate::time::Timestamp;
 
 /// A value from outside that is no measurement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{field} is not finite, or beyond what is plausible")]
+#[error("{field} is {flaw}")]
 pub struct Implausible {
     /// Name of the quantity, with its unit.
     pub field: &'static str,
+    /// What is wrong with it.
+    pub flaw: Flaw,
+}
+
+/// Why a value is no measurement.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Flaw {
+    /// It is a NaN or an infinity.
+    NotFinite,
+    /// Nothing here is ever so large: see [`Measure::most`].
+    TooLarge,
+}
+
+impl fmt::Display for Flaw {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::NotFinite => "not finite",
+            Self::TooLarge => "beyond what is plausible",
+        })
+    }
 }
 
 /// What a number from outside measures. Of each there is so much at most: far more than any loop here comes to, and so
@@ -46,9 +68,14 @@ impl Measure {
         }
     }
 
-    fn admits(self, value: f64) -> bool {
-        // Not so for a NaN.
-        value.abs() <= self.most()
+    fn flaw_of(self, value: f64) -> Option<Flaw> {
+        if !value.is_finite() {
+            Some(Flaw::NotFinite)
+        } else if self.most() < value.abs() {
+            Some(Flaw::TooLarge)
+        } else {
+            None
+        }
     }
 }
 
@@ -57,10 +84,12 @@ impl Measure {
 /// # Errors
 /// The first field that holds a NaN, an infinity, or more than is plausible of what it measures.
 pub fn check(fields: &[(&'static str, Measure, &[f64])]) -> Result<(), Implausible> {
-    let spoilt = fields
-        .iter()
-        .find(|(_, measure, values)| !values.iter().all(|&value| measure.admits(value)));
-    spoilt.map_or(Ok(()), |&(field, ..)| Err(Implausible { field }))
+    for &(field, measure, values) in fields {
+        if let Some(flaw) = values.iter().find_map(|&value| measure.flaw_of(value)) {
+            return Err(Implausible { field, flaw });
+        }
+    }
+    Ok(())
 }
 
 /// How a watchdog judges silence.
@@ -287,11 +316,17 @@ mod tests {
         assert_eq!(check(&[good]), Ok(()));
         assert_eq!(
             check(&[good, ("force_n", Measure::Force, &[f64::NAN])]),
-            Err(Implausible { field: "force_n" })
+            Err(Implausible {
+                field: "force_n",
+                flaw: Flaw::NotFinite
+            })
         );
         assert_eq!(
             check(&[("force_n", Measure::Force, &[f64::INFINITY]), good]),
-            Err(Implausible { field: "force_n" })
+            Err(Implausible {
+                field: "force_n",
+                flaw: Flaw::NotFinite
+            })
         );
     }
 
@@ -310,7 +345,11 @@ mod tests {
                 let judge = |value: f64| check(&[("value", measure, &[0.0, sign * value])]);
                 assert_eq!(judge(most), Ok(()), "{measure:?}");
                 for beyond in [most.next_up(), 1e155, f64::MAX] {
-                    assert_eq!(judge(beyond), Err(Implausible { field: "value" }));
+                    let refused = Implausible {
+                        field: "value",
+                        flaw: Flaw::TooLarge,
+                    };
+                    assert_eq!(judge(beyond), Err(refused));
                 }
             }
         }

@@ -18,8 +18,8 @@ fn going(speed_m_s: f64, ms: u32) -> DeviceSample {
     }
 }
 
-/// Under position-force the tool is where the hand was a delay ago: what the hand went meanwhile lies between them. It is
-/// so whatever the handle's clock shows.
+/// Under position-force the tool is where the hand was a delay ago: what the hand went meanwhile lies between them. It
+/// is so whatever the handle's clock shows.
 #[test]
 fn with_a_delay_the_tool_is_behind_by_the_way_of_the_hand_meanwhile() {
     for (delay_ms, ahead_s, ppm) in [

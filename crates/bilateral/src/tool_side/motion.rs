@@ -5,7 +5,7 @@ use teleclay_control::State;
 use teleclay_link::Vec3;
 use teleclay_link::motion_limiter::Setpoint;
 use teleclay_link::replica::Cut;
-use teleclay_link::safety::Implausible;
+use teleclay_link::safety::{Flaw, Implausible};
 use teleclay_link::scheme::ToolPort;
 use teleclay_link::scheme::replica::Merged;
 use teleclay_link::time::Timestamp;
@@ -123,6 +123,7 @@ impl ToolSide {
         let Some(motion) = motion else {
             self.fault = Some(Implausible {
                 field: "tool position_m",
+                flaw: Flaw::TooLarge,
             });
             return ToolStep::default();
         };

@@ -20,6 +20,7 @@
 //! limits and ramps. A scheme that reckons with what it asked for would be passive on paper only.
 
 pub mod force_exchange;
+mod play_head;
 pub mod position_force;
 pub mod replica;
 pub mod tdpa;
@@ -128,7 +129,8 @@ pub trait HandleController: Send {
     /// A frame came after a newer one, or came again. Only a scheme that plays samples in their order wants it.
     fn on_late_frame(&mut self, _now: Timestamp, _frame: &ToolFrame) {}
 
-    /// A frame came that had waited in a queue, see [`freshness`](crate::freshness). Only the facts in it count: cuts, and what became of cuts.
+    /// A frame came that had waited in a queue, see [`freshness`](crate::freshness). Only the facts in it count: cuts, and
+    /// what became of cuts.
     fn on_stale_frame(&mut self, _now: Timestamp, _frame: &ToolFrame) {}
 
     /// Frames are news again after some that had waited. Nothing is owed for what those said.
@@ -208,7 +210,8 @@ pub trait ToolController: Send {
     /// A frame came after a newer one, or came again. Only a scheme that plays samples in their order wants it.
     fn on_late_frame(&mut self, _now: Timestamp, _frame: &HandleFrame) {}
 
-    /// A frame came that had waited in a queue, see [`freshness`](crate::freshness). Only the facts in it count: cuts, and what became of cuts.
+    /// A frame came that had waited in a queue, see [`freshness`](crate::freshness). Only the facts in it count: cuts, and
+    /// what became of cuts.
     fn on_stale_frame(&mut self, _now: Timestamp, _frame: &HandleFrame) {}
 
     /// Frames are news again after some that had waited. Nothing is owed for what those said.

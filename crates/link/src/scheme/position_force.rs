@@ -10,6 +10,9 @@
 //! answer to the motion of a tick is felt in the next: one tick more. So what the line itself may take is the margin less two ticks, for clay
 //! that answers position instead of velocity less one and a half.
 //!
+//! Frames come one a tick, but for the phase of two clocks: where a tick has none and the next has two, a play head keeps
+//! the tool going at the speed told ([`PlayHead`]).
+//!
 //! With perceptual coding the handle sends a frame only when its velocity has changed by more than a hand can tell, and
 //! the tool's controller bridges what is left out by dead reckoning.
 //!
@@ -19,6 +22,7 @@ use std::time::Duration;
 
 use teleclay_proto::frame::{HandleFrame, ToolFrame};
 
+use super::play_head::PlayHead;
 use super::{Coupling, HandleController, HandlePort, ToolController, ToolPort};
 use crate::Vec3;
 use crate::deadband::Signal;
@@ -65,6 +69,8 @@ pub struct PositionForceTool {
     position_ratio: f64,
     tick_s: f64,
     handle_position: Vec3,
+    handle_velocity: Vec3,
+    head: PlayHead,
     reckoning: Option<DeadReckoning>,
     /// Whether the handle is told to leave frames out.
     expects_gaps: bool,
@@ -83,6 +89,8 @@ impl PositionForceTool {
             position_ratio: coupling.position_ratio,
             tick_s: coupling.tick_s,
             handle_position: Vec3::zeros(),
+            handle_velocity: Vec3::zeros(),
+            head: PlayHead::default(),
             reckoning: None,
             expects_gaps: false,
             gap_s: None,
@@ -120,6 +128,8 @@ impl ToolController for PositionForceTool {
                 .map(|gap_s| DeadReckoning::from(self.handle_position, gap_s));
         }
         self.handle_position = Vec3::from(frame.position_m);
+        self.handle_velocity = Vec3::from(frame.velocity_m_s);
+        self.head.on_frame(frame.header.sequence);
         if let Some(reckoning) = &mut self.reckoning {
             reckoning.told = self.handle_position;
             reckoning.velocity = Vec3::from(frame.velocity_m_s);
@@ -147,15 +157,27 @@ impl ToolController for PositionForceTool {
     }
 
     fn reference(&mut self, _now: Timestamp, _port: &ToolPort, _remote_gain: f64) -> Vec3 {
+        let lead = self.head.step();
         let handle_position = match &mut self.reckoning {
-            Some(reckoning) => reckoning.step(self.tick_s),
-            None => self.handle_position,
+            Some(reckoning) => {
+                self.head.restart();
+                reckoning.step(self.tick_s)
+            }
+            None => match lead {
+                Some(ticks) => self.handle_position + self.handle_velocity * (ticks * self.tick_s),
+                None => self.handle_position,
+            },
         };
         handle_position * self.position_ratio
     }
 
+    fn on_news_again(&mut self) {
+        self.head.restart();
+    }
+
     fn reindex(&mut self, handle_position: Vec3) {
         self.handle_position = handle_position;
+        self.head.restart();
         if let Some(reckoning) = &mut self.reckoning {
             *reckoning = DeadReckoning::from(handle_position, reckoning.gap_s);
         }
