@@ -1,4 +1,5 @@
-// What every file of these tests starts and ends: a server of its own, a hand where one is needed, a browser with one page.
+// What every file of these tests starts and ends: a server of its own, a hand where one is needed, a browser with one
+// page.
 
 import type { Browser } from "playwright-core";
 import { afterAll, beforeAll, beforeEach, expect } from "vitest";
@@ -10,7 +11,10 @@ export interface Bench {
   readonly page: WatchedPage;
 }
 
-/** Opens a page of the dashboard for the tests of a file; they ask for it once they run. `hand`: what the simulated hand does. */
+/**
+ * Opens a page of the dashboard for the tests of a file; they ask for it once they run. `hand`: what the simulated hand
+ * does.
+ */
 export function benchAt(address: string, hand: "nobody" | readonly string[]): () => Bench {
   let bench: Bench | undefined;
   let teleclay: Teleclay | undefined;

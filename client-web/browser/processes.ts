@@ -92,7 +92,10 @@ export class Teleclay {
     });
   }
 
-  /** A simulated hand that cuts in the demo session, or whatever `wish` says. Several may hold on at once, each to its own tool. */
+  /**
+   * A simulated hand that cuts in the demo session, or whatever `wish` says. Several may hold on at once, each to its
+   * own tool.
+   */
   startHandle(...wish: readonly string[]): void {
     const parameters = wish.length === 0 ? ["--session", SESSION, "--intent", "cutting"] : wish;
     this.#handles.push(new Program("teleclay-handle", ["--connect", this.#zenoh, "--device", "simulated", ...parameters]));

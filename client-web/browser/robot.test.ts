@@ -1,4 +1,5 @@
-// The Robot page against the real server and a real handle: the arms move with the hand, and every angle is the server's.
+// The Robot page against the real server and a real handle: the arms move with the hand, and every angle is the
+// server's.
 
 import { beforeAll, describe, expect, it } from "vitest";
 import { decodeInverseAnswer, decodeJacobianAnswer } from "../src/protocol/text";

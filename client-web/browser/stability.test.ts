@@ -1,4 +1,5 @@
-// The Stability page against the real server: what it says is what /analysis/loop says, and what it draws can be measured.
+// The Stability page against the real server: what it says is what /analysis/loop says, and what it draws can be
+// measured.
 
 import { beforeAll, describe, expect, it } from "vitest";
 import { decodeLoopAnswer } from "../src/protocol/text";
@@ -8,7 +9,9 @@ import type { Teleclay } from "./processes";
 import { until } from "./until";
 import type { WatchedPage } from "./watched_page";
 
-/** The paper's x axis with its gains, (35) and (37), typed off the paper and not taken from the page; clay of 20 N·s/m. */
+/**
+ * The paper's x axis with its gains, (35) and (37), typed off the paper and not taken from the page; clay of 20 N·s/m.
+ */
 const PAPER: LoopRequest = {
   g_h: { numerator: [18, 1], denominator: [0.005, 0.4, 18, 1] },
   t_h: [0.25, 2, 6],

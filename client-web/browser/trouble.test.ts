@@ -187,7 +187,10 @@ async function settled(): Promise<void> {
   await until("the session runs", async () => (await page.text("state")) === "running");
 }
 
-/** A picture once all of it is there: bricks come one after the other, shadows a second later, a workspace when it is mapped. */
+/**
+ * A picture once all of it is there: bricks come one after the other, shadows a second later, a workspace when it is
+ * mapped.
+ */
 async function whole(take: () => Promise<Buffer>): Promise<Buffer> {
   let last = await take();
   let looks = 0;

@@ -14,7 +14,9 @@ const TESTS_OWN = "Canvas2D: Multiple readback operations";
 /** While the server is away, Chromium itself logs every request that finds nobody. */
 const NOBODY_THERE = /net::ERR_(CONNECTION_REFUSED|CONNECTION_RESET|EMPTY_RESPONSE|SOCKET_NOT_CONNECTED|CONNECTION_CLOSED)/;
 
-/** Where the page comes from instead of from the server under test: a build that is newer than the server, as in `dist`. */
+/**
+ * Where the page comes from instead of from the server under test: a build that is newer than the server, as in `dist`.
+ */
 const DASHBOARD = process.env["TELECLAY_DASHBOARD_DIR"];
 /** What the server answers itself all the same. */
 const SERVERS_OWN = /^\/(api|healthz|readyz|metrics|problems)(\/|$)/;
@@ -23,7 +25,8 @@ const SERVERS_OWN = /^\/(api|healthz|readyz|metrics|problems)(\/|$)/;
 const FLAGS = [
   "--no-sandbox", "--enable-unsafe-swiftshader", "--headless", "--disable-background-networking",
   "--disable-component-update", "--disable-sync", "--no-first-run",
-  // A page that a test hands over itself has no address in Chromium's eyes, and may then open no socket to this machine.
+  // A page that a test hands over itself has no address in Chromium's eyes, and may then open no socket to this
+  // machine.
   ...(DASHBOARD === undefined ? [] : ["--disable-features=LocalNetworkAccessChecks"]),
 ];
 
@@ -33,7 +36,9 @@ const PATIENCE_MS = 60_000;
 /** Small: without a graphics card every pixel is drawn by a processor that the loop under test needs as well. */
 export const VIEWPORT = { width: 1024, height: 640 };
 
-/** Chromium raises its own priority where it may, as root may, above that of the threads that carry the loop's frames. */
+/**
+ * Chromium raises its own priority where it may, as root may, above that of the threads that carry the loop's frames.
+ */
 const POLITE = `#!/bin/sh
 if [ "$(id -u)" = 0 ]; then set -- setpriv --bounding-set=-sys_nice "$TELECLAY_CHROMIUM" "$@"
 else set -- "$TELECLAY_CHROMIUM" "$@"
@@ -130,7 +135,10 @@ export class WatchedPage {
     return this.page.getByTestId(pointer).getByRole("textbox").inputValue();
   }
 
-  /** Chooses one of a few, where a person would press: on the label, for the radio button itself may be drawn as something else. */
+  /**
+   * Chooses one of a few, where a person would press: on the label, for the radio button itself may be drawn as
+   * something else.
+   */
   async choose(group: string, value: string): Promise<void> {
     const input = this.page.getByTestId(group).locator(`input[value="${value}"]`);
     await this.page.getByTestId(group).locator("label").filter({ has: this.page.locator(`input[value="${value}"]`) }).click();
@@ -147,8 +155,8 @@ export class WatchedPage {
   }
 
   /**
-   * Looks at the page on a desk and on a telephone, light and dark, keeps the four pictures, and returns what sticks out of the
-   * page or of its own box.
+   * Looks at the page on a desk and on a telephone, light and dark, keeps the four pictures, and returns what sticks
+   * out of the page or of its own box.
    */
   async fit(name: string): Promise<string[]> {
     const out: string[] = [];

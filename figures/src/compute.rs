@@ -21,7 +21,8 @@ const VOXEL_M: f64 = 5e-4;
 const BALL_M: f64 = 0.0064;
 const TICK_S: f64 = 1e-3;
 
-/// Contact, cut and force of one tick in a 256^3 block, the ball half sunk in and moving a quarter of a voxel; and that it costs the same in a larger grid.
+/// Contact, cut and force of one tick in a 256^3 block, the ball half sunk in and moving a quarter of a voxel; and that
+/// it costs the same in a larger grid.
 pub(crate) fn clay() -> anyhow::Result<Vec<Row>> {
     let mut here = tick_times(256)?;
     let mut larger = tick_times(512)?;

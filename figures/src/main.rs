@@ -1,7 +1,8 @@
 //! `teleclay-figures`: measures what this machine reaches, beside the bare floor of the same run.
 //!
-//! Every row has a stable name, a unit, a target, what was measured, and, where there is one, the floor: what the machine gives to a program
-//! that does nothing else. Times are quantiles of many repetitions; compare rows of one run, not runs of two days.
+//! Every row has a stable name, a unit, a target, what was measured, and, where there is one, the floor: what the
+//! machine gives to a program that does nothing else. Times are quantiles of many repetitions; compare rows of one run,
+//! not runs of two days.
 
 mod compute;
 mod network;

@@ -10,7 +10,8 @@ use teleclay_shell::network::{CONTROL_QOS, Endpoints, open};
 
 use crate::row::{Row, quantile};
 
-/// Exchanges of each kind, and the time between them: the loop's own rhythm, so that caches and cores are as cold as they are for it.
+/// Exchanges of each kind, and the time between them: the loop's own rhythm, so that caches and cores are as cold as
+/// they are for it.
 const EXCHANGES: u32 = 3_000;
 const PACE: Duration = Duration::from_millis(1);
 /// As long as a frame with a few sweeps.

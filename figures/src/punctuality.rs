@@ -1,4 +1,5 @@
-//! How late the 1 kHz thread starts while it steps a loop, beside a thread that only sleeps until the same kind of deadline.
+//! How late the 1 kHz thread starts while it steps a loop, beside a thread that only sleeps until the same kind of
+//! deadline.
 
 use std::sync::mpsc::{Receiver, sync_channel};
 use std::time::Duration;

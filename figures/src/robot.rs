@@ -11,8 +11,8 @@ use crate::row::{Row, quantile};
 mod newton;
 
 const POSTURES: usize = 4096;
-/// Postures this near to a singularity are left out. Where all arms fold inwards the rods are nearly parallel in the middle of the
-/// workspace already, at 0.026: a greater distance leaves nothing to measure.
+/// Postures this near to a singularity are left out. Where all arms fold inwards the rods are nearly parallel in the
+/// middle of the workspace already, at 0.026: a greater distance leaves nothing to measure.
 const REGULAR: f64 = 0.02;
 const ROUNDS: usize = 101;
 
@@ -26,7 +26,8 @@ struct Case {
     assembly: Assembly,
 }
 
-/// Inverse on all eight branches, forward, and Newton: warm from where the platform was a tick ago at 0.1 m/s, cold from one fixed point.
+/// Inverse on all eight branches, forward, and Newton: warm from where the platform was a tick ago at 0.1 m/s, cold
+/// from one fixed point.
 pub(crate) fn rows() -> anyhow::Result<Vec<Row>> {
     let geometry = Geometry::default();
     let dimensions = geometry.dimensions();

@@ -42,8 +42,8 @@ pub struct Arguments {
     /// The server's token, when it asks for one
     #[arg(long, env = "TELECLAY_TOKEN", hide_env_values = true)]
     pub token: Option<String>,
-    /// The device: simulated (the paper's servos, one per axis) or robot (the same on the three arms of the parallel robot, with joint
-    /// limits; for sessions of 2 or 3 axes)
+    /// The device: simulated (the paper's servos, one per axis) or robot (the same on the three arms of the parallel
+    /// robot, with joint limits; for sessions of 2 or 3 axes)
     #[arg(long, value_name = "DEVICE", default_value_t)]
     pub device: DeviceKind,
     /// What the simulated operator does
@@ -163,7 +163,7 @@ pub enum IntentOptionError {
     File {
         /// Its path.
         path: String,
-        /// Why.
+        /// The operating system's reason.
         source: std::io::Error,
     },
     /// The file is too large to be a path.

@@ -9,7 +9,8 @@ use teleclay_proto::join::Granted;
 
 use crate::outbox::Outbox;
 
-/// Frames that may wait for the tick: a quarter of a second, more than a line that was stuck delivers before it counts as silent.
+/// Frames that may wait for the tick: a quarter of a second, more than a line that was stuck delivers before it counts
+/// as silent.
 const WAITING: usize = 256;
 
 /// A frame of the tool side and when it came.
@@ -23,7 +24,8 @@ pub(crate) struct Arrived {
 pub(crate) struct Heard {
     /// Round trip without the time that the tool side held the stamp, ns.
     pub(crate) rtt_ns: Option<u64>,
-    /// From a frame's departure to the arrival of the first reaction to it, the tool side's wait for its tick included, ns.
+    /// From a frame's departure to the arrival of the first reaction to it, the tool side's wait for its tick included,
+    /// ns.
     pub(crate) reaction_ns: Option<u64>,
 }
 
@@ -84,7 +86,8 @@ impl Attachment {
             let Some(reaction_ns) = at.as_nanos().checked_sub(header.echo_ns) else {
                 continue;
             };
-            // The first frame that echoes a stamp is the reaction to it; later ones echo it until they hear a newer one.
+            // The first frame that echoes a stamp is the reaction to it; later ones echo it until they hear a newer
+            // one.
             if self.newest_echo_ns < header.echo_ns {
                 self.newest_echo_ns = header.echo_ns;
                 self.echoed_at = self.echoed_at.max(at);
@@ -117,7 +120,8 @@ impl Attachment {
         now.since(self.heard_at).as_nanos() as u64
     }
 
-    /// Time since the tool side last showed that it had heard something new, ns. Frames may come while nothing arrives there.
+    /// Time since the tool side last showed that it had heard something new, ns. Frames may come while nothing arrives
+    /// there.
     pub(crate) fn echo_age_ns(&self, now: Timestamp) -> u64 {
         now.since(self.echoed_at).as_nanos() as u64
     }

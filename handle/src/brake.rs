@@ -1,8 +1,8 @@
 //! Brings a handle to rest before its loop is exchanged or ends.
 //!
-//! A handle that follows position commands stops as abruptly as its commands do, and one that renders force drops what it held when the
-//! commands end. So the last command coasts to a stop and the force fades, and only then another loop takes over, from where the handle
-//! stands.
+//! A handle that follows position commands stops as abruptly as its commands do, and one that renders force drops what
+//! it held when the commands end. So the last command coasts to a stop and the force fades, and only then another loop
+//! takes over, from where the handle stands.
 
 use teleclay_device::DeviceSample;
 

@@ -1,8 +1,8 @@
 //! What a haptic device must do, whatever it is made of.
 //!
-//! The 1 kHz thread owns the device and, each tick, samples it once, commands it once and asks it once for requests. None of these
-//! calls may block, allocate or lock. A device opens in [`open`], on another thread, and is at rest from then until its first command;
-//! dropping it must leave it without power.
+//! The 1 kHz thread owns the device and, each tick, samples it once, commands it once and asks it once for requests.
+//! None of these calls may block, allocate or lock. A device opens in [`open`], on another thread, and is at rest from
+//! then until its first command; dropping it must leave it without power.
 
 mod robot;
 mod room;
@@ -22,8 +22,8 @@ use crate::intent::Intent;
 pub use robot::RobotDevice;
 pub use simulated::SimulatedDevice;
 
-/// What a device is told each tick. A device that moves by position commands (the handle of \[KHMH03\] is one) follows `position_m`; one
-/// that pushes renders `force_n`.
+/// What a device is told each tick. A device that moves by position commands (the handle of \[KHMH03\] is one) follows
+/// `position_m`; one that pushes renders `force_n`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct DeviceCommand {
     /// Where the handle should be, displacement from home, m.
@@ -135,7 +135,8 @@ impl FromStr for DeviceKind {
     }
 }
 
-/// What a device needs to know of the session that it works in. A device goes on under another lease as long as these stay the same.
+/// What a device needs to know of the session that it works in. A device goes on under another lease as long as these
+/// stay the same.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DeviceSetup {
     /// Length of a tick, s.

@@ -35,8 +35,8 @@ pub(crate) const CAPACITIES: Capacities = Capacities {
     done: 16,
     records: 4096,
 };
-/// A handle that follows slowly never stands quite where it was sent, and a loop that takes over starts from where it stands. What lies
-/// between fades with this time constant, s: 0.1 mm then moves the handle at 1 mm/s.
+/// A handle that follows slowly never stands quite where it was sent, and a loop that takes over starts from where it
+/// stands. What lies between fades with this time constant, s: 0.1 mm then moves the handle at 1 mm/s.
 const SETTLE_TAU_S: f64 = 0.1;
 
 /// What the tick is told to do.

@@ -76,7 +76,7 @@ pub enum Event {
     },
     /// The server did not tell what it was asked for; it is asked again.
     NotRefreshed {
-        /// Why.
+        /// The reason, in words.
         reason: String,
     },
     /// The session is paused.
@@ -95,12 +95,12 @@ pub enum Event {
     },
     /// The clay stays as it is.
     NoFreshClay {
-        /// Why.
+        /// The reason, in words.
         reason: String,
     },
     /// Ticks are no longer written down.
     RecordingEnded {
-        /// Why.
+        /// The reason, in words.
         reason: String,
     },
     /// A robot comes to its fence: it slows down and resists.

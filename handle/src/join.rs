@@ -1,6 +1,7 @@
 //! The queries of a handle: join, leave, fresh clay.
 //!
-//! Nothing that a server answers is trusted: answers are bounded, parsed and range-checked before anything is built from them.
+//! Nothing that a server answers is trusted: answers are bounded, parsed and range-checked before anything is built
+//! from them.
 
 use std::time::Duration;
 
@@ -70,8 +71,8 @@ pub enum JoinError {
     },
 }
 
-/// Asks until a server answers. With an old lease, that one is given back first, and a server that is full or about to stop is asked
-/// again for as long as the old lease may hold the slot.
+/// Asks until a server answers. With an old lease, that one is given back first, and a server that is full or about to
+/// stop is asked again for as long as the old lease may hold the slot.
 ///
 /// # Errors
 /// A server refuses, or answers nonsense.
@@ -238,7 +239,8 @@ where
     let mut answers = Vec::new();
     let Ok(replies) = sent else { return answers };
     while let Ok(reply) = replies.recv_async().await {
-        // Zenoh itself answers with an error when the time is over, and servers never do: either way nobody said anything.
+        // Zenoh itself answers with an error when the time is over, and servers never do: either way nobody said
+        // anything.
         let Ok(sample) = reply.result() else { continue };
         let payload = sample.payload();
         let body = if LONGEST_ANSWER < payload.len() {

@@ -9,16 +9,18 @@
 //! | [`event`], [`status`] | what it tells on the way |
 //! | [`recording`] | every tick in a file |
 //!
-//! Within, `engine` is the tick; `attachment` is one lease as the tick holds it, and `line` the network's end of the same lease; `outbox` carries
-//! frames from the one to the other; `brake` brings the handle to rest when loops are exchanged; `join` asks the server, and `grant` is its yes;
-//! `singularity` tells when a robot comes near one.
+//! Within, `engine` is the tick; `attachment` is one lease as the tick holds it, and `line` the network's end of the
+//! same lease; `outbox` carries frames from the one to the other; `brake` brings the handle to rest when loops are
+//! exchanged; `join` asks the server, and `grant` is its yes; `singularity` tells when a robot comes near one.
 //!
-//! `refresh` fetches what the loop wants to know while it runs: changed parameters, and snapshots of the clay for the replica.
+//! `refresh` fetches what the loop wants to know while it runs: changed parameters, and snapshots of the clay for the
+//! replica.
 //!
-//! What follows from a silent server: within the allowed silence plus the ramp (0.15 s by default) the remote part of the force is zero, in
-//! the handle side itself. After a second of silence the server is asked for another lease, until there is one again. The handle then comes to rest, and
-//! a new loop starts from where it stands, at zero force. A copy of the clay needs no frames: there the force goes on, the cutting ends after two
-//! seconds, and another lease is asked for after eight. A server whose process ends is seen to go, and the force goes at once, copy or not.
+//! What follows from a silent server: within the allowed silence plus the ramp (0.15 s by default) the remote part of
+//! the force is zero, in the handle side itself. After a second of silence the server is asked for another lease, until
+//! there is one again. The handle then comes to rest, and a new loop starts from where it stands, at zero force. A copy
+//! of the clay needs no frames: there the force goes on, the cutting ends after two seconds, and another lease is asked
+//! for after eight. A server whose process ends is seen to go, and the force goes at once, copy or not.
 
 pub mod arguments;
 pub mod device;

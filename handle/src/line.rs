@@ -105,7 +105,8 @@ impl Line {
             arriving,
             rejected: Arc::clone(&rejected),
         };
-        // Zenoh asks for a callback that any thread may call; it calls it from one at a time, and the tick never comes here.
+        // Zenoh asks for a callback that any thread may call; it calls it from one at a time, and the tick never comes
+        // here.
         let arrivals = Mutex::new(arrivals);
         let down = control
             .declare_subscriber(keys.tool_down(granted.tool))

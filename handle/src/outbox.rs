@@ -1,7 +1,8 @@
 //! The way of a frame from the tick to the network: a ring, and a thread that empties it.
 //!
-//! Handing a frame to the network may block for longer than a tick, so the tick only pushes and wakes the sender. A frame that waited too
-//! long is thrown away: the hand has moved on, and every frame repeats what has not been acknowledged.
+//! Handing a frame to the network may block for longer than a tick, so the tick only pushes and wakes the sender. A
+//! frame that waited too long is thrown away: the hand has moved on, and every frame repeats what has not been
+//! acknowledged.
 
 use std::io;
 use std::sync::Arc;
@@ -13,7 +14,8 @@ use rtrb::{Consumer, Producer, RingBuffer};
 use teleclay_proto::frame::{HandleFrame, MAX_FRAME};
 use teleclay_shell::Clock;
 
-/// Frames that may wait: more than the ticks that are made up for after a suspension, so that none of those is lost here.
+/// Frames that may wait: more than the ticks that are made up for after a suspension, so that none of those is lost
+/// here.
 const WAITING: usize = 64;
 const _: () = assert!((teleclay_shell::ticker::MOST_BEHIND as usize) < WAITING);
 
@@ -181,7 +183,8 @@ mod tests {
         );
     }
 
-    /// The network blocks on the first frame until the ring has overflowed; what waited meanwhile is too old, what comes then is not.
+    /// The network blocks on the first frame until the ring has overflowed; what waited meanwhile is too old, what
+    /// comes then is not.
     #[test]
     fn a_network_that_blocks_costs_old_frames_and_never_the_tick() {
         let clock = Clock::start();

@@ -1,6 +1,7 @@
 //! Every tick as a line of a file, for whoever wants to look at a run afterwards.
 //!
-//! The file is CSV with a header; the columns are [`COLUMNS`]. It is written by the thread that reads the tick's records, never by the tick.
+//! The file is CSV with a header; the columns are [`COLUMNS`]. It is written by the thread that reads the tick's
+//! records, never by the tick.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
@@ -10,10 +11,11 @@ use teleclay_bilateral::LinkState;
 
 use crate::engine::{Mode, Record};
 
-/// The columns. Times are on the handle's own clock; `silence_s` is how long ago the last frame of the tool side came, `echo_s` how long
-/// ago it last showed that it had heard something new; `rtt_s` is empty unless a frame of this tick completed a round trip. The handle's
-/// position is its displacement from home. `copy` says what its copy of the clay is good for, where the scheme keeps one; `correction_moved_n` is
-/// how far corrections of that copy have moved the felt force since it was made, `correction_held_n` what they have still to let in.
+/// The columns. Times are on the handle's own clock; `silence_s` is how long ago the last frame of the tool side came,
+/// `echo_s` how long ago it last showed that it had heard something new; `rtt_s` is empty unless a frame of this tick
+/// completed a round trip. The handle's position is its displacement from home. `copy` says what its copy of the clay
+/// is good for, where the scheme keeps one; `correction_moved_n` is how far corrections of that copy have moved the
+/// felt force since it was made, `correction_held_n` what they have still to let in.
 pub const COLUMNS: &str = "clock_s,lateness_s,lease,mode,link_state,copy,silence_s,echo_s,rtt_s,\
     position_x_m,position_y_m,position_z_m,velocity_x_m_s,velocity_y_m_s,velocity_z_m_s,\
     hand_force_x_n,hand_force_y_n,hand_force_z_n,felt_force_x_n,felt_force_y_n,felt_force_z_n,\

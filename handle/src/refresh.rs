@@ -1,7 +1,8 @@
 //! What a handle asks the server for while it works: parameters that have changed, and snapshots of the clay.
 //!
-//! The tick only says what it wants ([`Wanted`]); here it is fetched, checked and built, on threads that may take their time. Nothing that a server
-//! answers is trusted: a snapshot that shows another block, misses bricks or holds clay where none can be is no snapshot.
+//! The tick only says what it wants ([`Wanted`]); here it is fetched, checked and built, on threads that may take their
+//! time. Nothing that a server answers is trusted: a snapshot that shows another block, misses bricks or holds clay
+//! where none can be is no snapshot.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -18,8 +19,8 @@ use teleclay_proto::watch::{BRICK_VOXELS, BrickBody, BricksView};
 use tokio::time::Instant;
 use zenoh::Session;
 
-/// After an answer, or none, nothing is asked for this long: what came has reached the tick by then, and a server that has just made a fresh block
-/// shows it in its mirror.
+/// After an answer, or none, nothing is asked for this long: what came has reached the tick by then, and a server that
+/// has just made a fresh block shows it in its mirror.
 pub(crate) const PAUSE: Duration = Duration::from_millis(100);
 /// A snapshot of the largest block takes seconds on its way.
 const TIMEOUT: Duration = Duration::from_secs(10);

@@ -73,7 +73,8 @@ impl State {
     }
 }
 
-/// How it goes: of the last second in a status line, of the whole run in the summary. Counts are always of the whole run.
+/// How it goes: of the last second in a status line, of the whole run in the summary. Counts are always of the whole
+/// run.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Status {
     /// Time since the program started, s.
@@ -84,7 +85,7 @@ pub struct Status {
     pub lease: u32,
     /// The scheme in force.
     pub scheme: Option<Scheme>,
-    /// Ticks.
+    /// Ticks since the start.
     pub ticks: u64,
     /// Ticks that started more than a period late, those given up included.
     pub late_ticks: u64,

@@ -42,7 +42,7 @@ pub const OUTAGE_OVER: Duration = Duration::from_millis(4200);
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Profile {
-    /// Nothing.
+    /// Nothing more is done: delay, jitter and loss are independent from frame to frame.
     Iid,
     /// Frames are lost in bursts.
     Bursts,
@@ -70,7 +70,7 @@ impl Profile {
 /// One cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cell {
-    /// Scheme.
+    /// Scheme that couples hand and tool.
     pub scheme: Scheme,
     /// Mean one-way delay, ms.
     pub delay_ms: u32,

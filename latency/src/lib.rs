@@ -1,4 +1,5 @@
-//! What delay does to the hand and to the clay: the same task under every scheme over every line, on virtual time, from seeds.
+//! What delay does to the hand and to the clay: the same task under every scheme over every line, on virtual time, from
+//! seeds.
 //!
 //! | module | holds |
 //! |---|---|

@@ -1,6 +1,7 @@
 //! `teleclay-latency`: what delay, jitter and loss do to the hand and to the clay, under every scheme.
 //!
-//! Everything runs on virtual time from seeds: the same arguments give the same figures on every machine, to the last bit.
+//! Everything runs on virtual time from seeds: the same arguments give the same figures on every machine, to the last
+//! bit.
 
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};

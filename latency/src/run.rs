@@ -19,8 +19,9 @@ const JND: f64 = 0.07;
 const JND_FLOOR_N: f64 = 0.02;
 /// Swings of a few hertz show most over this many ticks.
 const SWING_LAG: usize = 50;
-/// A loop whose handle swings this many times as much as without a network is no longer stable. Position-force gets there at a quarter above
-/// the delay at which theory has its swings grow; delay alone brings the schemes that are passive to 1.8 times at most.
+/// A loop whose handle swings this many times as much as without a network is no longer stable. Position-force gets
+/// there at a quarter above the delay at which theory has its swings grow; delay alone brings the schemes that are
+/// passive to 1.8 times at most.
 pub const SWING_MOST: f64 = 2.0;
 /// Less than this is rest in any case, m/s.
 const AT_REST_M_S: f64 = 0.01;
@@ -33,16 +34,16 @@ pub struct Track {
     felt_n: Vec<[f64; 2]>,
     handle_m: Vec<[f64; 2]>,
     removed_units: u64,
-    /// How much the handle swings while it is pushed, and in the last second with the hands off: root mean squares of the change of its velocity in
-    /// [`SWING_LAG`] ticks, m/s.
+    /// How much the handle swings while it is pushed, and in the last second with the hands off: root mean squares of
+    /// the change of its velocity in [`SWING_LAG`] ticks, m/s.
     swing_m_s: [f64; 2],
 }
 
 /// What one run shows.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Outcome {
-    /// Whether the handle never came apart and swings no more than [`SWING_MOST`] times as much as without a network, while it is pushed and
-    /// with the hands off.
+    /// Whether the handle never came apart and swings no more than [`SWING_MOST`] times as much as without a network,
+    /// while it is pushed and with the hands off.
     pub stable: bool,
     /// Least energy of the channel from hand to clay, J.
     pub min_energy_j: f64,
@@ -62,7 +63,8 @@ pub struct Outcome {
     pub earned_j: f64,
     /// Energy that corrections brought into the hand, J.
     pub injected_j: f64,
-    /// What the copy hid: felt force less the authority's answer to the same sweep, over the felt force, as root mean squares.
+    /// What the copy hid: felt force less the authority's answer to the same sweep, over the felt force, as root mean
+    /// squares.
     pub hidden_force_nrmse: Option<f64>,
     /// Whether every copy of the clay is the server's, bit for bit, once the line is drained.
     pub clay_identical: Option<bool>,

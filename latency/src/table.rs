@@ -1,7 +1,7 @@
 //! Many seeds of many cells, as rows.
 //!
-//! A row's errors are means over its seeds, with the worst seed beside them; its least energy is the least of any seed, and it is stable only
-//! if every seed is.
+//! A row's errors are means over its seeds, with the worst seed beside them; its least energy is the least of any seed,
+//! and it is stable only if every seed is.
 
 use serde::{Deserialize, Deserializer, Serialize};
 

@@ -1,8 +1,9 @@
-//! The task: an operator pushes the blade of the cutting experiment to and fro through even clay, 2 cm deep, in two axes.
+//! The task: an operator pushes the blade of the cutting experiment to and fro through even clay, 2 cm deep, in two
+//! axes.
 //!
-//! Operator, handle, controller, blade and clay are those of \[KHMH03\]: arm, servo, `C_h1`, 10 mm of blade in clay of 2·10⁵ N s/m³. At that depth the clay
-//! resists with 40 N s/m, the middle of the paper's three. What the muscles do is fixed by the seed, whatever the scheme and the line; where that
-//! takes the hand is the loop's doing.
+//! Operator, handle, controller, blade and clay are those of \[KHMH03\]: arm, servo, `C_h1`, 10 mm of blade in clay of
+//! 2·10⁵ N s/m³. At that depth the clay resists with 40 N s/m, the middle of the paper's three. What the muscles do is
+//! fixed by the seed, whatever the scheme and the line; where that takes the hand is the loop's doing.
 
 use std::time::Duration;
 

@@ -1,4 +1,4 @@
-//! `experiment`.
+//! The command `experiment`: the paper's cutting experiment.
 
 use std::ops::ControlFlow;
 

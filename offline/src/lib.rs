@@ -1,7 +1,8 @@
-//! The commands of `teleclay-server` that need no server and no network: the theory, and the description of the interface.
+//! The commands of `teleclay-server` that need no server and no network: the theory, and the description of the
+//! interface.
 //!
-//! Each command answers on standard output as the call of the same name under `/api/v1` does: as a table for people, as CSV
-//! for spreadsheets and plots, or as the very JSON of the call. Progress and errors go to standard error.
+//! Each command answers on standard output as the call of the same name under `/api/v1` does: as a table for people, as
+//! CSV for spreadsheets and plots, or as the very JSON of the call. Progress and errors go to standard error.
 
 mod experiment;
 mod kinematics;
@@ -66,8 +67,8 @@ struct Input {
 /// Options that say how an answer is printed; every other one would be lost where a file makes the request.
 const OF_THE_OUTPUT: [&str; 3] = ["csv", "json", "help"];
 
-/// Rounds off the options of every command here: numbers may be below zero, so that they are refused for their value and not taken for
-/// an option; and a request from a file goes with no option that says otherwise.
+/// Rounds off the options of every command here: numbers may be below zero, so that they are refused for their value
+/// and not taken for an option; and a request from a file goes with no option that says otherwise.
 #[must_use]
 pub fn rounded_off(command: Command) -> Command {
     command.mut_subcommands(|command| {
@@ -199,7 +200,8 @@ impl Input {
         parse(&body).with_context(|| format!("{} is no request", path.display()))
     }
 
-    /// Why there is no answer, told to whoever wrote the request: a field of a file by its pointer, any other by its option.
+    /// Why there is no answer, told to whoever wrote the request: a field of a file by its pointer, any other by its
+    /// option.
     fn blame(&self, error: Unanswered) -> anyhow::Error {
         let field = match error {
             Unanswered::Field(field) if self.input.is_none() => field,

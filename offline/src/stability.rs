@@ -1,4 +1,4 @@
-//! `analyse`.
+//! The command `analyse`: poles, margins and delay margins of a loop.
 
 use clap::Args;
 use teleclay_control::paper;

@@ -1,4 +1,4 @@
-//! `tune`.
+//! The command `tune`: compensators for a handle as one wishes it.
 
 use std::ops::ControlFlow;
 

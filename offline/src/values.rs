@@ -62,8 +62,8 @@ pub(crate) fn counts(text: &str) -> Result<[u32; 3], String> {
     }
 }
 
-/// A rational function of `s`, coefficients from the highest power on: `18,1/0.005,0.4,18,1`, or a polynomial without the stroke; `x` and
-/// `y` are the paper's servos.
+/// A rational function of `s`, coefficients from the highest power on: `18,1/0.005,0.4,18,1`, or a polynomial without
+/// the stroke; `x` and `y` are the paper's servos.
 pub(crate) fn transfer_function(text: &str) -> Result<TransferFunction, String> {
     match text.trim() {
         "x" => return Ok(printed(&paper::g_hx())),

@@ -1,4 +1,4 @@
-//! `workspace`.
+//! The command `workspace`: a map of where the robot can go, and how well it moves there.
 
 use clap::Args;
 use teleclay_proto::http::theory::{WorkspaceAnswer, WorkspaceRequest};
@@ -10,8 +10,8 @@ use crate::progress::Showing;
 use crate::values::{counts, signs, triple};
 use crate::{Answer, Input, Output};
 
-/// A map of the workspace. Dexterity is the inverse condition number: 1 where the platform moves alike in all directions, 0 at a
-/// singularity.
+/// A map of the workspace. Dexterity is the inverse condition number: 1 where the platform moves alike in all
+/// directions, 0 at a singularity.
 #[derive(Clone, Debug, Args)]
 pub struct Workspace {
     /// The branch by its signs; elbows outwards above the base by default

@@ -64,7 +64,8 @@ impl<'a> Reader<'a> {
         Ok([self.f64()?, self.f64()?, self.f64()?])
     }
 
-    /// Zeros that keep the layout aligned. Anything else is an error, so that what decodes also encodes to the same bytes.
+    /// Zeros that keep the layout aligned. Anything else is an error, so that what decodes also encodes to the same
+    /// bytes.
     pub(crate) fn zeros<const N: usize>(&mut self, field: &'static str) -> Result<(), FrameError> {
         if self.array::<N>()? != [0; N] {
             return Err(FrameError::ReservedNotZero { field });

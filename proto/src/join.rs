@@ -1,7 +1,7 @@
 //! Joining, leaving and asking for a fresh block: queries with JSON both ways.
 //!
-//! A handle asks on `…/join`, gets a lease and everything it needs to run its side of the loop, and then sends frames under
-//! that lease. A lease lives as long as frames come and ends `lease_s` after the last one.
+//! A handle asks on `…/join`, gets a lease and everything it needs to run its side of the loop, and then sends frames
+//! under that lease. A lease lives as long as frames come and ends `lease_s` after the last one.
 
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
@@ -123,7 +123,8 @@ pub enum LeaveReply {
     NoSuchLease,
 }
 
-/// Asks for a fresh block in place of the one that was cut: the same shape, the same material. Allowed to whoever holds a lease.
+/// Asks for a fresh block in place of the one that was cut: the same shape, the same material. Allowed to whoever holds
+/// a lease.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FreshRequest {
@@ -151,7 +152,8 @@ pub enum FreshReply {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LoopParameters {
-    /// Counts the changes of the session, modulo 2³²; tool frames name it, so that a handle sees when these parameters may be others.
+    /// Counts the changes of the session, modulo 2³²; tool frames name it, so that a handle sees when these parameters
+    /// may be others.
     pub revision: u32,
     /// Length of a tick, s.
     pub tick_s: f64,
@@ -175,7 +177,8 @@ pub struct LoopParameters {
     pub tool_stiffness_n_per_m: f64,
     /// Line impedance `b` of the wave scheme, N·s/m.
     pub wave_impedance_n_s_per_m: f64,
-    /// Share of a force or velocity whose change the hand cannot feel: frames that change less are left out. 0 leaves none out.
+    /// Share of a force or velocity whose change the hand cannot feel: frames that change less are left out. 0 leaves
+    /// none out.
     #[serde(default)]
     pub deadband: f64,
     /// After this long without a frame the other side counts as gone, s.

@@ -14,8 +14,8 @@
 //! | `…/state` | publication, query | [`Session`](crate::http::Session) |
 //! | `…/operator/<lease>` | liveliness token | an operator is there |
 //!
-//! A *realm* is a set of servers that share sessions; one server alone is a realm. A session is keyed by its name within the realm and not by the
-//! server that runs it, so that it can change servers without changing keys.
+//! A *realm* is a set of servers that share sessions; one server alone is a realm. A session is keyed by its name
+//! within the realm and not by the server that runs it, so that it can change servers without changing keys.
 
 use std::fmt;
 use std::str::FromStr;
@@ -90,67 +90,67 @@ impl SessionKeys {
         format!("{ROOT}/{}/session/{}/{leaf}", self.realm, self.session)
     }
 
-    /// `…/alive`
+    /// The key `…/alive` by which a session shows that it is served.
     #[must_use]
     pub fn alive(&self) -> String {
         self.key(Leaf::Alive)
     }
 
-    /// `…/join`
+    /// The key `…/join`, where handles ask for a lease.
     #[must_use]
     pub fn join(&self) -> String {
         self.key(Leaf::Join)
     }
 
-    /// `…/leave`
+    /// The key `…/leave`, where handles give a lease back.
     #[must_use]
     pub fn leave(&self) -> String {
         self.key(Leaf::Leave)
     }
 
-    /// `…/parameters`
+    /// The key `…/parameters`, where handles ask how to run the loop.
     #[must_use]
     pub fn parameters(&self) -> String {
         self.key(Leaf::Parameters)
     }
 
-    /// `…/tool/<tool>/up`
+    /// The key `…/tool/<tool>/up` of frames from the handle to the tool.
     #[must_use]
     pub fn tool_up(&self, tool: u32) -> String {
         self.key(Leaf::ToolUp(tool))
     }
 
-    /// `…/tool/<tool>/down`
+    /// The key `…/tool/<tool>/down` of frames from the tool to the handle.
     #[must_use]
     pub fn tool_down(&self, tool: u32) -> String {
         self.key(Leaf::ToolDown(tool))
     }
 
-    /// `…/clay/bricks`
+    /// The key `…/clay/bricks` of bricks that changed.
     #[must_use]
     pub fn clay_bricks(&self) -> String {
         self.key(Leaf::ClayBricks)
     }
 
-    /// `…/clay/snapshot`
+    /// The key `…/clay/snapshot`, where the whole clay is asked for.
     #[must_use]
     pub fn clay_snapshot(&self) -> String {
         self.key(Leaf::ClaySnapshot)
     }
 
-    /// `…/clay/fresh`
+    /// The key `…/clay/fresh`, where operators ask for a fresh block.
     #[must_use]
     pub fn clay_fresh(&self) -> String {
         self.key(Leaf::ClayFresh)
     }
 
-    /// `…/state`
+    /// The key `…/state` of a session's state.
     #[must_use]
     pub fn state(&self) -> String {
         self.key(Leaf::State)
     }
 
-    /// `…/operator/<lease>`
+    /// The key `…/operator/<lease>`, alive as long as the operator's program is.
     #[must_use]
     pub fn operator(&self, lease: u32) -> String {
         self.key(Leaf::Operator(lease))
@@ -194,7 +194,7 @@ pub enum KeyError {
         got: String,
         /// The part at fault.
         part: String,
-        /// Why.
+        /// What the part breaks of the rules for names.
         source: NameError,
     },
     /// The number of a tool or of a lease is no number, or is written in another way than its shortest.

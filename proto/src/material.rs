@@ -33,7 +33,8 @@ impl Default for Material {
 
 impl Validate for Material {
     /// # Errors
-    /// A viscosity outside of 0 to 10⁷ Pa·s/m, a yield stress outside of 0 to 10⁶ Pa, a stiffness outside of 0 to 10⁹ Pa.
+    /// A viscosity outside of 0 to 10⁷ Pa·s/m, a yield stress outside of 0 to 10⁶ Pa, a stiffness outside of 0 to 10⁹
+    /// Pa.
     fn validate(&self) -> Result<(), FieldError> {
         check(
             "/viscosity_pa_s_per_m",

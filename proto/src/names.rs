@@ -1,4 +1,5 @@
-//! Names of realms, nodes and sessions. They stand in key expressions, in URLs and in file names, hence the narrow alphabet.
+//! Names of realms, nodes and sessions. They stand in key expressions, in URLs and in file names, hence the narrow
+//! alphabet.
 
 use std::borrow::Cow;
 use std::fmt;

@@ -78,8 +78,8 @@ pub(crate) fn check(
     ))
 }
 
-/// Reads a field that is there. With serde's own `Option` a `null` would pass for a field left out; here it is an error,
-/// except where `null` itself is a value.
+/// Reads a field that is there. With serde's own `Option` a `null` would pass for a field left out; here it is an
+/// error, except where `null` itself is a value.
 pub(crate) fn present<'de, D, T>(deserializer: D) -> Result<Option<T>, D::Error>
 where
     D: Deserializer<'de>,

@@ -1,5 +1,6 @@
-//! More than ten million hostile inputs. No decoder may panic, and whatever one accepts must encode to the very bytes it came from; what a
-//! JSON parser accepts must read the same after it is written again. How many inputs each decoder got, and how many it accepted, is printed.
+//! More than ten million hostile inputs. No decoder may panic, and whatever one accepts must encode to the very bytes
+//! it came from; what a JSON parser accepts must read the same after it is written again. How many inputs each decoder
+//! got, and how many it accepted, is printed.
 
 #![allow(clippy::print_stdout, reason = "the counts are the result")]
 
@@ -321,7 +322,7 @@ fn join_seeds() -> Vec<Vec<u8>> {
     seeds
 }
 
-/// SplitMix64.
+/// The generator SplitMix64, so that the same seed gives the same bytes everywhere.
 struct Random(u64);
 
 impl Random {

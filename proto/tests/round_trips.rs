@@ -45,7 +45,8 @@ fn any_header() -> impl Strategy<Value = Header> {
     )
 }
 
-/// A list of sweeps as a tool makes them, and the list that was pushed: mostly each goes on from the last by a little, but it leaps, and numbers are missing.
+/// A list of sweeps as a tool makes them, and the list that was pushed: mostly each goes on from the last by a little,
+/// but it leaps, and numbers are missing.
 fn any_list() -> impl Strategy<Value = (Sweeps, Vec<SweepRecord>)> {
     let step = prop_oneof![
         4 => any::<[i16; 3]>().prop_map(|step| step.map(i32::from)),

@@ -63,7 +63,8 @@ fn verdict<T: DeserializeOwned + Serialize + Validate>(body: &Value) -> Option<S
     }
 }
 
-/// Everything that holds for any request: each field is needed unless listed, none may be null, a text or unknown, and errors point at it.
+/// Everything that holds for any request: each field is needed unless listed, none may be null, a text or unknown, and
+/// errors point at it.
 fn every_field_is_minded<T: DeserializeOwned + Serialize + Validate>(
     sound: &Value,
     may_be_left_out: &[&str],

@@ -1,5 +1,6 @@
-//! The conformance vectors: every message decodes to the values beside it and encodes to the same bytes again. One message
-//! of each kind is also laid out here by hand from SPEC.md, field by field, so that the files cannot just repeat the code.
+//! The conformance vectors: every message decodes to the values beside it and encodes to the same bytes again. One
+//! message of each kind is also laid out here by hand from SPEC.md, field by field, so that the files cannot just
+//! repeat the code.
 
 #[allow(dead_code, unreachable_pub, reason = "the example uses it too")]
 #[path = "../examples/vectors/cases/mod.rs"]

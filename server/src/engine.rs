@@ -1,8 +1,9 @@
 //! Every session of the server, stepped by one 1 kHz thread: the machine that [`teleclay_shell::realtime`] runs.
 //!
-//! The machine owns its sessions. It takes frames from a ring of each session, and orders; it puts frames, records, events and changed bricks into
-//! others. It never allocates, never drops what is large, never locks and never calls Zenoh. What does not fit into a ring is counted, not waited for;
-//! bricks that do not fit stay marked in the clay and go later, and events wait in their session.
+//! The machine owns its sessions. It takes frames from a ring of each session, and orders; it puts frames, records,
+//! events and changed bricks into others. It never allocates, never drops what is large, never locks and never calls
+//! Zenoh. What does not fit into a ring is counted, not waited for; bricks that do not fit stay marked in the clay and
+//! go later, and events wait in their session.
 
 use std::sync::Arc;
 use std::thread::Thread;
@@ -47,7 +48,8 @@ const EVENTS_WAITING: usize = 1024;
 
 /// Every how many ticks tools are recorded: 250 Hz is beyond any screen, and a quarter of the bytes.
 pub(crate) const RECORD_EVERY: u64 = 4;
-/// Every how many ticks changed bricks are handed over, and how many at most: 1000 a second, so the 27 around a ball renew at 37 Hz.
+/// Every how many ticks changed bricks are handed over, and how many at most: 1000 a second, so the 27 around a ball
+/// renew at 37 Hz.
 const BRICKS_EVERY: u64 = 4;
 const BRICKS_AT_ONCE: usize = 4;
 
@@ -144,7 +146,8 @@ impl Running {
     }
 }
 
-/// What the tick is told to do, between two ticks; and afterwards, what came of it. Boxed, since it carries what is large both ways.
+/// What the tick is told to do, between two ticks; and afterwards, what came of it. Boxed, since it carries what is
+/// large both ways.
 pub(crate) struct Order {
     pub(crate) claim: Claim,
     pub(crate) task: Task,

@@ -1,7 +1,7 @@
 //! Zenoh: frames in and out on one session, everything slow on another.
 //!
-//! The callback for frames decodes, pushes into the session's ring and returns. A sender thread of its own puts what the tick leaves: a put may
-//! block for longer than a tick even when it may drop.
+//! The callback for frames decodes, pushes into the session's ring and returns. A sender thread of its own puts what
+//! the tick leaves: a put may block for longer than a tick even when it may drop.
 
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -266,7 +266,8 @@ async fn receive_frames(
             routes.insert(key.to_owned(), (Arc::clone(&ring), slot));
         }
         drop(routes);
-        // A full ring means that the tick has stalled for a quarter of a second: what is newest is then as old as the rest.
+        // A full ring means that the tick has stalled for a quarter of a second: what is newest is then as old as the
+        // rest.
         let _ = ring.lock().expect("no holder panics").push(Incoming {
             slot,
             arrived_ns,

@@ -159,7 +159,8 @@ impl SessionShared {
     }
 }
 
-/// What people are told of an event that finds a session like this; nothing of changes that are seen in the session's state anyway.
+/// What people are told of an event that finds a session like this; nothing of changes that are seen in the session's
+/// state anyway.
 fn in_words(kind: &EventKind, before: &Snapshot) -> Option<(Level, String)> {
     let operator = |slot: usize| {
         let holder = before.tools[slot].holder.as_ref();

@@ -42,7 +42,8 @@ pub(crate) fn session(
     let settings = &snapshot.settings;
     let stats = shared.stats.lock().expect("no holder panics");
     let record = &stats.record;
-    // The watchers' clay is exchanged a moment before or after the loop's; until both are the same block, the watchers' is told.
+    // The watchers' clay is exchanged a moment before or after the loop's; until both are the same block, the watchers'
+    // is told.
     let (initial_units, remaining_units) = if record.clay_epoch == mirrored.epoch {
         (record.initial_units, record.remaining_units)
     } else {

@@ -9,7 +9,8 @@ pub struct Clock {
     drift: Drift,
 }
 
-/// How much faster a clock runs than the system's, in parts per million. Crystals are off by up to 100; a test asks for more.
+/// How much faster a clock runs than the system's, in parts per million. Crystals are off by up to 100; a test asks for
+/// more.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Drift {
     ppm: i32,

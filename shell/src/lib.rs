@@ -1,5 +1,5 @@
-//! What both programs need around their pure loop: a monotonic clock, a 1 kHz thread on absolute deadlines, the rings between such a thread and everybody
-//! else, and Zenoh sessions that open nothing they were not told to open.
+//! What both programs need around their pure loop: a monotonic clock, a 1 kHz thread on absolute deadlines, the rings
+//! between such a thread and everybody else, and Zenoh sessions that open nothing they were not told to open.
 
 mod clock;
 pub mod network;

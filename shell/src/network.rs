@@ -1,7 +1,8 @@
-//! Zenoh sessions that open nothing they were not told to open: peers on named endpoints, no multicast scouting, no gossip.
+//! Zenoh sessions that open nothing they were not told to open: peers on named endpoints, no multicast scouting, no
+//! gossip.
 //!
-//! Control frames have a session of their own, since a blocking message of the same transport would hold them up; slow state and bricks
-//! use another.
+//! Control frames have a session of their own, since a blocking message of the same transport would hold them up; slow
+//! state and bricks use another.
 
 use std::fmt::Write as _;
 
@@ -50,8 +51,8 @@ pub enum NetworkError {
     },
 }
 
-/// Hands all of Zenoh's work to one thread: on few cores its default of several loses more to wake-ups across cores than it gains. The
-/// variable is read once, when the first session opens; a user's own setting wins.
+/// Hands all of Zenoh's work to one thread: on few cores its default of several loses more to wake-ups across cores
+/// than it gains. The variable is read once, when the first session opens; a user's own setting wins.
 ///
 /// Call first thing in `main`, before any thread exists.
 pub fn prepare_runtime() {
@@ -85,7 +86,8 @@ pub async fn open(endpoints: &Endpoints) -> Result<Session, NetworkError> {
         .map_err(|reason| failed(endpoints, reason))
 }
 
-/// What control frames are sent with: the newest matters, so a frame that cannot go at once is dropped and none is batched or repeated.
+/// What control frames are sent with: the newest matters, so a frame that cannot go at once is dropped and none is
+/// batched or repeated.
 pub const CONTROL_QOS: (CongestionControl, Priority, bool, Reliability) = (
     CongestionControl::Drop,
     Priority::RealTime,
@@ -104,8 +106,8 @@ pub fn check_endpoint(endpoint: &str) -> Result<(), NetworkError> {
     let (protocol, address) = endpoint.split_once('/').ok_or_else(malformed)?;
     let (host, port) = address.rsplit_once(':').ok_or_else(malformed)?;
     let is_port = port.parse::<u16>().is_ok();
-    // What a name, an IPv4 address, and a bracketed IPv6 address with its scope are written with; endpoints are quoted into Zenoh's
-    // configuration, so nothing else may pass.
+    // What a name, an IPv4 address, and a bracketed IPv6 address with its scope are written with; endpoints are quoted
+    // into Zenoh's configuration, so nothing else may pass.
     let is_host = !host.is_empty()
         && host
             .chars()
@@ -182,8 +184,8 @@ fn config(endpoints: &Endpoints) -> Result<Config, zenoh::Error> {
         // A taken port is an error to tell now, not to wait for.
         ("listen/timeout_ms", "0"),
         ("listen/exit_on_failure", "true"),
-        // A line may be down for longer than a copy of the clay goes on: whoever is silent is none of Zenoh's business, the loop has
-        // watchdogs of its own. A process that dies closes its connections, and that is seen at once.
+        // A line may be down for longer than a copy of the clay goes on: whoever is silent is none of Zenoh's business,
+        // the loop has watchdogs of its own. A process that dies closes its connections, and that is seen at once.
         ("transport/link/tx/lease", "10000"),
         ("transport/link/tx/keep_alive", "10"),
         // A greeting that the network lost is repeated after four of the longest round trips.

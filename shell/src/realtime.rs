@@ -6,9 +6,10 @@
 //!  deadline ──────> tick ──────┘        └───> done    ──ring──> whoever answers, and drops what is large
 //! ```
 //!
-//! The thread owns the machine. It takes orders between two ticks and waits for nobody: a ring that is full is counted ([`Counters::overflowed`]), and an
-//! order waits as long as there is no room for what it will leave behind. Nothing is allocated here after [`Realtime::new`], nothing large is dropped, no lock
-//! is held. What a machine does in its own methods is its own affair.
+//! The thread owns the machine. It takes orders between two ticks and waits for nobody: a ring that is full is counted
+//! ([`Counters::overflowed`]), and an order waits as long as there is no room for what it will leave behind. Nothing is
+//! allocated here after [`Realtime::new`], nothing large is dropped, no lock is held. What a machine does in its own
+//! methods is its own affair.
 
 use std::io;
 use std::sync::Arc;
@@ -239,7 +240,8 @@ impl<M: Machine> Realtime<M> {
     }
 }
 
-/// Settles whether an order is carried out or taken back: exactly one of the two sides gets its way. Copies are the same claim.
+/// Settles whether an order is carried out or taken back: exactly one of the two sides gets its way. Copies are the
+/// same claim.
 #[derive(Clone, Debug, Default)]
 pub struct Claim(Arc<AtomicU8>);
 

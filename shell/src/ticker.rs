@@ -1,7 +1,8 @@
 //! The 1 kHz thread: absolute deadlines, so that lateness never adds up.
 //!
-//! A tick that starts late is made up for at once, so the mean rate stays; behind by more than [`MOST_BEHIND`] periods (a suspended
-//! machine) the missed ones are given up and counted. Each tick is told how late it started; what to count is the caller's.
+//! A tick that starts late is made up for at once, so the mean rate stays; behind by more than [`MOST_BEHIND`] periods
+//! (a suspended machine) the missed ones are given up and counted. Each tick is told how late it started; what to count
+//! is the caller's.
 
 use std::fmt;
 use std::io;

@@ -246,8 +246,8 @@ impl Look {
     }
 }
 
-/// One run: the first and the newest look at the session, and what happened in between. That the books of the clay balance is
-/// asked by [`Client::session`] at every look.
+/// One run: the first and the newest look at the session, and what happened in between. That the books of the clay
+/// balance is asked by [`Client::session`] at every look.
 struct Record {
     first: Option<(Instant, Look)>,
     newest: Look,

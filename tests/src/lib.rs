@@ -1,5 +1,5 @@
-//! What tests of the whole need: real processes, an HTTP client, a watcher that can be slow, an impairing relay, and readers of what the
-//! programs write.
+//! What tests of the whole need: real processes, an HTTP client, a watcher that can be slow, an impairing relay, and
+//! readers of what the programs write.
 //!
 //! | module | holds |
 //! |---|---|

@@ -1,4 +1,5 @@
-//! A binary STL file: its volume, and whether it is a closed manifold. Reads the file format alone, so it is independent of what wrote it.
+//! A binary STL file: its volume, and whether it is a closed manifold. Reads the file format alone, so it is
+//! independent of what wrote it.
 
 use std::collections::HashMap;
 
@@ -7,9 +8,10 @@ use anyhow::{Result, ensure};
 /// What a mesh is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Audit {
-    /// Triangles.
+    /// Number of triangles.
     pub triangles: usize,
-    /// Edges that do not belong to exactly two triangles which pass them in opposite directions: none in a closed manifold.
+    /// Edges that do not belong to exactly two triangles which pass them in opposite directions: none in a closed
+    /// manifold.
     pub open_edges: usize,
     /// Volume inside, by the divergence theorem, in the file's unit cubed; below zero when faces look inwards.
     pub volume: f64,

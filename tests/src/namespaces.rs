@@ -1,6 +1,7 @@
 //! Two hosts on one machine: network namespaces with a cable of two virtual Ethernet devices between them.
 //!
-//! They take root and `ip`; where either is missing, [`Pair::make`] says so and the test that wanted them has nothing to test.
+//! They take root and `ip`; where either is missing, [`Pair::make`] says so and the test that wanted them has nothing
+//! to test.
 
 use std::fs::File;
 use std::net::Ipv4Addr;

@@ -1,4 +1,5 @@
-//! Real processes under test: the release programs, on ports of their own, with their words kept and their ends certain.
+//! Real processes under test: the release programs, on ports of their own, with their words kept and their ends
+//! certain.
 
 use std::fs::{self, File};
 use std::os::unix::process::CommandExt;
@@ -9,7 +10,8 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, Result, bail, ensure};
 
-/// Whatever is waited for happens within this on a machine that does ten other things; a test that asks for less says so itself.
+/// Whatever is waited for happens within this on a machine that does ten other things; a test that asks for less says
+/// so itself.
 pub const PATIENCE: Duration = Duration::from_secs(60);
 /// How often something is looked at that tells nobody when it changes.
 const LOOK_EVERY: Duration = Duration::from_millis(2);
@@ -79,7 +81,8 @@ pub struct Process {
 }
 
 impl Process {
-    /// Starts `command`, whatever it is; `name` is for people. What it says lies in a folder of its own, which ends with it.
+    /// Starts `command`, whatever it is; `name` is for people. What it says lies in a folder of its own, which ends
+    /// with it.
     ///
     /// # Errors
     /// It cannot be started.
@@ -89,7 +92,8 @@ impl Process {
         Self::spawn(name, command, stdout, stderr, Some(folder))
     }
 
-    /// Starts `command` with all that it says in `log`, which stays. Ctrl-C reaches us alone, so that we stop it in order.
+    /// Starts `command` with all that it says in `log`, which stays. Ctrl-C reaches us alone, so that we stop it in
+    /// order.
     ///
     /// # Errors
     /// It cannot be started, or the log cannot be written.

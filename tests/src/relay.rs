@@ -1,8 +1,9 @@
-//! UDP through a bad network: what comes on one side leaves on the other as a seeded conditioner says, each direction apart.
+//! UDP through a bad network: what comes on one side leaves on the other as a seeded conditioner says, each direction
+//! apart.
 //!
-//! It runs as a process of its own (`teleclay-relay`), is told what to do in lines on its standard input, and answers there what it has
-//! really done: how many datagrams came, left, were lost, doubled or overtaken, and how long it held them by its own clock. A test that
-//! rests on an impairment asks this first.
+//! It runs as a process of its own (`teleclay-relay`), is told what to do in lines on its standard input, and answers
+//! there what it has really done: how many datagrams came, left, were lost, doubled or overtaken, and how long it held
+//! them by its own clock. A test that rests on an impairment asks this first.
 
 use std::collections::HashMap;
 use std::fmt;
@@ -27,7 +28,8 @@ const LONGEST: usize = 65_536;
 /// Delays that are kept for the report, each way: the newest ten minutes of frames.
 const DELAYS_KEPT: usize = 600_000;
 
-/// What one direction does, in words: `delay_ms=20 jitter_ms=5 loss=0.05 duplicate=0.1 reorder=0.1`. What is left out is perfect.
+/// What one direction does, in words: `delay_ms=20 jitter_ms=5 loss=0.05 duplicate=0.1 reorder=0.1`. What is left out
+/// is perfect.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Line(pub Impairment);
 

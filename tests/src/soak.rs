@@ -1,5 +1,5 @@
-//! A long run of a server and a handle that cuts, with watchers that read slowly or not at all: memory must stay flat, the volume
-//! balance of the clay must hold at every look, and late ticks are told.
+//! A long run of a server and a handle that cuts, with watchers that read slowly or not at all: memory must stay flat,
+//! the volume balance of the clay must hold at every look, and late ticks are told.
 
 use std::fmt;
 use std::net::{Ipv4Addr, SocketAddr};
@@ -20,8 +20,8 @@ const LOOK_EVERY: Duration = Duration::from_millis(500);
 const SIP_BYTES: usize = 1024;
 const SIP_EVERY: Duration = Duration::from_millis(250);
 
-/// How much more the second half of a run may need than the first, KiB: what the allocator's arenas settle by, and less than a snapshot of
-/// the clay that were kept for each of the watchers who come back.
+/// How much more the second half of a run may need than the first, KiB: what the allocator's arenas settle by, and less
+/// than a snapshot of the clay that were kept for each of the watchers who come back.
 const GROWTH_KIB: u64 = 2048;
 
 /// What a run has shown.

@@ -59,8 +59,8 @@ pub fn free_udp() -> Result<SocketAddr> {
     Ok(UdpSocket::bind((Ipv4Addr::LOCALHOST, 0))?.local_addr()?)
 }
 
-/// The first of `count` ports in a row that nobody uses. Connections take theirs from 32768 on, and a test that has made thousands keeps them for a
-/// minute; so these lie below, and every process looks elsewhere first.
+/// The first of `count` ports in a row that nobody uses. Connections take theirs from 32768 on, and a test that has
+/// made thousands keeps them for a minute; so these lie below, and every process looks elsewhere first.
 fn free_ports(count: u16) -> Result<u16> {
     const FIRST: u16 = 12_000;
     const PORTS: u16 = 20_000;

@@ -1,10 +1,15 @@
 //! Live tests on a machine that has no time for them.
 //!
-//! A live test lets real programs run against a clock. Where something else takes the processor away from them for long, they rightly
-//! let go of hands and give up ticks, and the test fails without anything being wrong. [`live`] tells the two apart: beside the
-//! test runs a thread that wants to wake every millisecond, and whose waking says how much time the machine had to give. A
-//! failure with time enough is a failure. One without is said to be none, and the same scenario is run on virtual time, where
-//! it has all the time it needs, and has to pass.
+//! A live test lets real programs run against a clock. Where something else takes the processor away from them for
+//! long, they rightly let go of hands and give up ticks, and the test fails without anything being wrong. [`live`]
+//! tells the two apart: beside the test runs a thread that wants to wake every millisecond, and whose waking says how
+//! much time the machine had to give. A failure with time enough is a failure. One without is said to be none, and the
+//! same scenario is run on virtual time, where it has all the time it needs, and has to pass.
+
+#![expect(
+    clippy::print_stdout,
+    reason = "the verdict is part of what a test says"
+)]
 
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::Arc;

@@ -78,7 +78,8 @@ impl Watcher {
     }
 }
 
-/// A masked text frame of less than 126 bytes, as clients send them. The mask is zero: it hides nothing, which nobody forbids.
+/// A masked text frame of less than 126 bytes, as clients send them. The mask is zero: it hides nothing, which nobody
+/// forbids.
 fn text_frame(text: &str) -> Vec<u8> {
     const FINAL_TEXT: u8 = 0x81;
     const MASKED: u8 = 0x80;

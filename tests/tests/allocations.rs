@@ -1,5 +1,6 @@
-//! Both 1 kHz threads allocate nothing, in a steady tick and in one that brings a change: counted by thread, in one process that runs the whole server (frames from Zenoh,
-//! cut clay, changed bricks, records, a watcher of the WebSocket) and the whole handle, as they run apart.
+//! Both 1 kHz threads allocate nothing, in a steady tick and in one that brings a change: counted by thread, in one
+//! process that runs the whole server (frames from Zenoh, cut clay, changed bricks, records, a watcher of the
+//! WebSocket) and the whole handle, as they run apart.
 
 #![allow(unsafe_code, reason = "a global allocator cannot be written without")]
 #![allow(clippy::print_stdout, reason = "the count is a result")]

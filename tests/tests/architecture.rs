@@ -237,8 +237,8 @@ fn the_search_for_impurities_finds_them_and_leaves_tests_and_comments_alone() {
     );
 }
 
-/// A feature that only tests switch on makes cargo build every package below it twice, once for `cargo build` and once for
-/// `cargo test`; for zenoh that is minutes.
+/// A feature that only tests switch on makes cargo build every package below it twice, once for `cargo build` and once
+/// for `cargo test`; for zenoh that is minutes.
 #[test]
 fn builds_and_tests_share_one_feature_set() {
     let build = features("normal,build");

@@ -1,7 +1,8 @@
 //! The workspace's own commands: `cargo demo`, `cargo verify`, `cargo figures`, `cargo xtask soak`.
 //!
-//! They are aliases in .cargo/config.toml for this program, so that a fresh clone needs nothing but cargo to start. It builds and
-//! checks; what is shown and measured are programs of their own, which take this one's place once they are built.
+//! They are aliases in .cargo/config.toml for this program, so that a fresh clone needs nothing but cargo to start. It
+//! builds and checks; what is shown and measured are programs of their own, which take this one's place once they are
+//! built.
 
 #![allow(clippy::print_stdout, reason = "a program for people talks to them")]
 

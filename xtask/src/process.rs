@@ -64,8 +64,8 @@ pub(crate) fn answer(command: &mut Command) -> Option<String> {
     output.status.success().then_some(text)
 }
 
-/// Puts a program in our place: signals reach it alone, and its exit code is ours. For a plain command, whose end is not tied
-/// to its parent's.
+/// Puts a program in our place: signals reach it alone, and its exit code is ours. For a plain command, whose end is
+/// not tied to its parent's.
 pub(crate) fn become_program(command: &mut Command) -> Result<()> {
     std::io::stdout().flush()?;
     Err(command.exec()).with_context(|| format!("{} cannot be started", shown(command)))

@@ -12,8 +12,8 @@ use crate::workspace::cargo;
 /// Off a terminal a line is said this often: a log stays short, and a person who follows it knows that work goes on.
 const LINE_EVERY: Duration = Duration::from_secs(15);
 
-/// Builds these programs, or everything when none is named. Cargo is told programs and no packages: it then chooses features
-/// as for the whole workspace, and what the programs share with tests and tools is compiled once.
+/// Builds these programs, or everything when none is named. Cargo is told programs and no packages: it then chooses
+/// features as for the whole workspace, and what the programs share with tests and tools is compiled once.
 pub(crate) fn build(programs: &[&str]) -> Result<()> {
     println!("building the release programs …");
     let mut build = command(cargo());

@@ -1,4 +1,5 @@
-// All brick meshes in one set of buffers, so that the whole clay is one draw call and a cut uploads only what it touched.
+// All brick meshes in one set of buffers, so that the whole clay is one draw call and a cut uploads only what it
+// touched.
 
 import { Ranges } from "./ranges";
 import type { BrickMesh } from "./surface";

@@ -25,8 +25,8 @@ export class ClayMirror {
   }
 
   /**
-   * Takes an update in. Returns whether the grid itself changed, so that no mesh made before is of any use. Throws when the
-   * grid is beyond what a page can hold.
+   * Takes an update in. Returns whether the grid itself changed, so that no mesh made before is of any use. Throws when
+   * the grid is beyond what a page can hold.
    */
   apply(message: BricksMessage): boolean {
     const count = message.bricks_per_axis.reduce((product, n) => product * n, 1);
@@ -65,7 +65,10 @@ export class ClayMirror {
     return this.#bricks[x + nx * (y + ny * z)];
   }
 
-  /** Whether a brick is one of the two uniform ones, at this level. Cheap: a packed brick that happens to be even is not. */
+  /**
+   * Whether a brick is one of the two uniform ones, at this level. Cheap: a packed brick that happens to be even is
+   * not.
+   */
   isUniform(brick: Uint8Array, level: 0 | 255): boolean {
     return brick === (level === 0 ? EMPTY : FULL);
   }

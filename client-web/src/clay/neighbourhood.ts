@@ -1,4 +1,5 @@
-// A brick with REACH voxels of its neighbours around it, laid out flat, so that the surface never asks whose voxel it is.
+// A brick with REACH voxels of its neighbours around it, laid out flat, so that the surface never asks whose voxel it
+// is.
 
 import { BRICK_EDGE } from "../protocol/packing";
 import { type ClayMirror, REACH } from "./mirror";
@@ -38,7 +39,9 @@ export class Neighbourhood {
   }
 }
 
-/** Which voxels of a neighbour at offset `d` are taken along an axis, and where they go in the brick's own coordinates. */
+/**
+ * Which voxels of a neighbour at offset `d` are taken along an axis, and where they go in the brick's own coordinates.
+ */
 function part(d: number): { first: number; end: number; to: number } {
   if (d < 0) return { first: BRICK_EDGE - REACH, end: BRICK_EDGE, to: -REACH };
   if (0 < d) return { first: 0, end: REACH, to: BRICK_EDGE };

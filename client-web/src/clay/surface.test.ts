@@ -12,8 +12,8 @@ describe("the surface", () => {
     const meshes = meshAll(clay);
     const { open, volume, triangles } = survey(meshes);
     expect(open).toBe(0);
-    // Surface nets bevel the block's edges: the vertex of an edge cell lies a quarter voxel inside both faces, so that a
-    // quarter of a voxel is lost per voxel of edge, a little less at the eight corners.
+    // Surface nets bevel the block's edges: the vertex of an edge cell lies a quarter voxel inside both faces, so that
+    // a quarter of a voxel is lost per voxel of edge, a little less at the eight corners.
     const edges = 4 * (64 + 48 + 32);
     expect(Math.abs(volume - (64 * 48 * 32 - edges / 4))).toBeLessThan(4);
     expect(triangles).toBeLessThan((2 * 2 * (64 * 48 + 48 * 32 + 32 * 64)) / 2);

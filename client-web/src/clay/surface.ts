@@ -1,8 +1,8 @@
 // The clay's surface, brick by brick, as naive surface nets over occupancy.
 //
 // A vertex sits in every cell of eight voxel centres that the surface crosses, a quad around every edge between two
-// centres that it crosses. A brick owns the edges that start at its voxels; the vertices around them lie in cells -1 … 15,
-// so neighbours find the same vertices from the same voxels and the meshes meet without a crack.
+// centres that it crosses. A brick owns the edges that start at its voxels; the vertices around them lie in cells -1 …
+// 15, so neighbours find the same vertices from the same voxels and the meshes meet without a crack.
 //
 // An untouched flat face, 512 triangles a brick, is drawn as a fan over its rim: the rim keeps every vertex, so nothing
 // opens towards a neighbour that is cut.
@@ -143,7 +143,10 @@ export class SurfaceFinder {
     return { a0, a1, b0, b1 };
   }
 
-  /** Whether a vertex lies in the same plane as the one in the middle, in the middle of its cell, and faces straight out. */
+  /**
+   * Whether a vertex lies in the same plane as the one in the middle, in the middle of its cell, and faces straight
+   * out.
+   */
   #isFlat(face: Face, a: number, b: number): boolean {
     const at = 6 * this.#solve(face, a, b);
     const middle = 6 * this.#solve(face, MIDDLE, MIDDLE);

@@ -9,7 +9,9 @@ import { Neighbourhood } from "./neighbourhood";
 import type { ClayUpdate, Detail, MeshedBrick, ToWorker } from "./port";
 import { SurfaceFinder } from "./surface";
 
-/** Meshes are handed over this often, ms, so that a whole new block appears piece by piece and messages get their turn. */
+/**
+ * Meshes are handed over this often, ms, so that a whole new block appears piece by piece and messages get their turn.
+ */
 const SLICE_MS = 12;
 /** After a slice, ms. Two cores are just enough for a loop: there the worker leaves as much time as it takes. */
 const REST_MS = navigator.hardwareConcurrency <= 2 ? SLICE_MS : 0;

@@ -1,5 +1,5 @@
-// A figure as in a lecture: curves that need not be functions, equal axes where angles matter, and what matters marked in it.
-// It is drawn anew whenever its content changes; it does not move by itself.
+// A figure as in a lecture: curves that need not be functions, equal axes where angles matter, and what matters marked
+// in it. It is drawn anew whenever its content changes; it does not move by itself.
 
 import { AxisMap, type AxisSpec, equalRanges } from "./figure_axis";
 import { Pen } from "./figure_pen";

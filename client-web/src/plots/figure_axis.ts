@@ -97,7 +97,8 @@ function powerTick(value: number, power: number): string {
 }
 
 /**
- * Ranges of two linear axes widened so that one unit is as long on either, `width` by `height` pixels: a circle is round then.
+ * Ranges of two linear axes widened so that one unit is as long on either, `width` by `height` pixels: a circle is
+ * round then.
  */
 export function equalRanges(
   x: readonly [number, number],

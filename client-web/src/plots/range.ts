@@ -1,5 +1,5 @@
-// The vertical range of a live plot: it grows at once, shrinks only after a while, and ends on round numbers, so that the
-// eye can hold on to the scale.
+// The vertical range of a live plot: it grows at once, shrinks only after a while, and ends on round numbers, so that
+// the eye can hold on to the scale.
 
 /** The range is kept while the data fills at least this share of it. */
 const LEAST_FILL = 0.45;

@@ -1,6 +1,6 @@
 // The packed form of a brick. A voxel is predicted by the one in the row before (16 earlier), which is right almost
-// everywhere in clay; runs of right predictions are counted, the rest is sent as it is. Which zeros make a run is fixed,
-// so that all writers give the same bytes: two or more.
+// everywhere in clay; runs of right predictions are counted, the rest is sent as it is. Which zeros make a run is
+// fixed, so that all writers give the same bytes: two or more.
 
 import { DecodeError } from "./header";
 

@@ -1,5 +1,5 @@
-// A session as the server describes it, and what can be asked of it. SI units. Fields this page does not know are passed
-// over, so that a newer server can add some.
+// A session as the server describes it, and what can be asked of it. SI units. Fields this page does not know are
+// passed over, so that a newer server can add some.
 
 import * as v from "valibot";
 import type { Check, Schemas } from "./api";

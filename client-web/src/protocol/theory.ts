@@ -1,5 +1,5 @@
-// The mathematics of the paper as the server offers it: what can be asked, and what it answers. SI units; complex numbers are
-// [re, im]; what has no finite value is null.
+// The mathematics of the paper as the server offers it: what can be asked, and what it answers. SI units; complex
+// numbers are [re, im]; what has no finite value is null.
 
 import * as v from "valibot";
 import type { Check, Schemas } from "./api";

@@ -4,7 +4,10 @@
 const FRAMES = 24;
 const LONG_ENOUGH_MS = 1200;
 
-/** Durations of a frame, ms: above `tooSlow` it is drawn coarser, aiming at `wanted`; below `plenty` there is room for more pixels. */
+/**
+ * Durations of a frame, ms: above `tooSlow` it is drawn coarser, aiming at `wanted`; below `plenty` there is room for
+ * more pixels.
+ */
 export interface PaceLimits {
   readonly tooSlow_ms: number;
   readonly wanted_ms: number;
@@ -13,7 +16,10 @@ export interface PaceLimits {
 
 /** From frame to frame: a longer one misses the display's next turn. */
 export const DISPLAY: PaceLimits = { tooSlow_ms: 22, wanted_ms: 19, plenty_ms: 17.5 };
-/** From the first command to the last pixel, where the processor draws: at twelve frames a second, a third of one core's time. */
+/**
+ * From the first command to the last pixel, where the processor draws: at twelve frames a second, a third of one core's
+ * time.
+ */
 export const PROCESSOR: PaceLimits = { tooSlow_ms: 32, wanted_ms: 26, plenty_ms: 18 };
 
 /** A pause this long is a hidden page or a scene at rest, not a slow frame, ms. */

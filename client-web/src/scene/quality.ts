@@ -23,8 +23,8 @@ export function contextOf(
 let known: boolean | undefined;
 
 /**
- * Whether pictures are drawn by the processor, for want of a graphics card. Asks a context of its own: whether edges are
- * smoothed has to be said when the real one is made.
+ * Whether pictures are drawn by the processor, for want of a graphics card. Asks a context of its own: whether edges
+ * are smoothed has to be said when the real one is made.
  */
 export function processorDraws(): boolean {
   known ??= askRenderer();

@@ -1,10 +1,11 @@
-// The parallel robot as a thing: base, three arms of an upper link and two rods, platform. Scene units are millimetres, z up.
+// The parallel robot as a thing: base, three arms of an upper link and two rods, platform. Scene units are millimetres,
+// z up.
 
 import * as THREE from "three";
 import type { RobotGeometry, Triple } from "../protocol/theory";
 import { type ArmPose, directionOf } from "../theory/robot";
 
-/** Millimetres. */
+/** Radii of the robot's links and rods, in millimetres. */
 const LINK_RADIUS = 4;
 const ROD_RADIUS = 1.7;
 const JOINT_RADIUS = 3.4;

@@ -119,7 +119,9 @@ export class RobotView {
     this.#changed = true;
   }
 
-  /** A canvas of another size is empty: it gets that size when the picture for it is drawn, and is stretched until then. */
+  /**
+   * A canvas of another size is empty: it gets that size when the picture for it is drawn, and is stretched until then.
+   */
   resize(width: number, height: number, devicePixels: number): void {
     this.#camera.aspect = Math.max(width, 1) / Math.max(height, 1);
     this.#camera.updateProjectionMatrix();

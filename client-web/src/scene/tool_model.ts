@@ -4,7 +4,7 @@ import * as THREE from "three";
 import type { Quality } from "./quality";
 import { RoomEnvironment } from "three/examples/jsm/environments/RoomEnvironment.js";
 
-/** Millimetres. */
+/** Size of a tool, in millimetres. */
 export type ToolSize =
   | { readonly kind: "ball"; readonly radius: number }
   | { readonly kind: "blade"; readonly width: number; readonly height: number; readonly thickness: number };

@@ -85,7 +85,10 @@ export class ClayView {
   #trailed: readonly number[] = [];
   #placed: readonly number[] = [];
 
-  /** `wanted` fixes the quality, whatever the machine makes of it; `sight` is that of a view before. Throws when the browser has no WebGL 2. */
+  /**
+   * `wanted` fixes the quality, whatever the machine makes of it; `sight` is that of a view before. Throws when the
+   * browser has no WebGL 2.
+   */
   constructor(canvas: HTMLCanvasElement, wanted: Quality | undefined, sight?: Sight) {
     const { context, quality } = contextOf(canvas, wanted);
     this.#quality = quality;
@@ -297,7 +300,9 @@ export class ClayView {
     this.#shadowsDue = true;
   }
 
-  /** A canvas of another size is empty: it gets that size when the picture for it is drawn, and is stretched until then. */
+  /**
+   * A canvas of another size is empty: it gets that size when the picture for it is drawn, and is stretched until then.
+   */
   #fitCanvas(): void {
     this.#sizeDue = true;
     this.#changed = true;

@@ -1,4 +1,5 @@
-// Where the robot reaches, and how evenly it moves there: the hull of the reachable cells as points, and one level slice.
+// Where the robot reaches, and how evenly it moves there: the hull of the reachable cells as points, and one level
+// slice.
 
 import * as THREE from "three";
 

@@ -9,7 +9,10 @@ export const API = "api/v1";
 export type Phase =
   | { readonly name: "connecting" }
   | { readonly name: "open"; readonly session: string }
-  /** Nobody answers; `attempts` have failed in a row. `because` is what the server said when it closed the stream, if it said anything. */
+  /**
+   * Nobody answers; `attempts` have failed in a row. `because` is what the server said when it closed the stream, if it
+   * said anything.
+   */
   | { readonly name: "away"; readonly attempts: number; readonly retryAt_ms: number; readonly because: string | undefined }
   /** The server answers, and has no session to show. */
   | { readonly name: "empty" };
@@ -19,13 +22,16 @@ export interface StreamHandlers {
   onBinary(bytes: ArrayBuffer): void;
 }
 
-/** First pause after a failure; it doubles up to the longest. Each is drawn from its upper half, so that many pages do not return at once. */
+/**
+ * First pause after a failure; it doubles up to the longest. Each is drawn from its upper half, so that many pages do
+ * not return at once.
+ */
 const FIRST_PAUSE_MS = 250;
 const LONGEST_PAUSE_MS = 4000;
 const PING_EVERY_MS = 1000;
 /**
- * State comes several times a second; after this many pings in a row without a word the server is as good as away. Counted,
- * not timed: a page that was itself too busy to listen finds the words waiting when it is back.
+ * State comes several times a second; after this many pings in a row without a word the server is as good as away.
+ * Counted, not timed: a page that was itself too busy to listen finds the words waiting when it is back.
  */
 const SILENT_PINGS = 3;
 /** Looks for a session this often while there is none. */

@@ -1,8 +1,8 @@
 // What the person at the page has asked for and the server has not yet confirmed.
 //
-// A control shows the wish while it is under way, and the server's own value at all other times; a refusal is shown beside
-// the control, with the server's words, and the control goes back. One request is under way at a time; while a slider
-// moves, wishes that were overtaken are never sent.
+// A control shows the wish while it is under way, and the server's own value at all other times; a refusal is shown
+// beside the control, with the server's words, and the control goes back. One request is under way at a time; while a
+// slider moves, wishes that were overtaken are never sent.
 
 import { signal, type Signal } from "@preact/signals-core";
 import type { SessionPatch } from "../protocol/session";

@@ -88,8 +88,8 @@ export class History {
   }
 
   /**
-   * Where a vector was over the `span_s` before `until_s`, oldest first, `step_s` apart: x, y, z one after the other. Taken
-   * at whole multiples of the step, so that the line does not crawl as time passes.
+   * Where a vector was over the `span_s` before `until_s`, oldest first, `step_s` apart: x, y, z one after the other.
+   * Taken at whole multiples of the step, so that the line does not crawl as time passes.
    */
   path(channel: number, until_s: number, span_s: number, step_s: number): number[] {
     const points: number[] = [];
@@ -107,8 +107,9 @@ export class History {
   }
 
   /**
-   * The least and the greatest value of a sum of channels in each of the columns, so that no peak is lost however narrow the
-   * plot. Columns begin at whole multiples of their width: they move with the data, and the drawn shape does not flicker.
+   * The least and the greatest value of a sum of channels in each of the columns, so that no peak is lost however
+   * narrow the plot. Columns begin at whole multiples of their width: they move with the data, and the drawn shape does
+   * not flicker.
    */
   envelope(terms: readonly Term[], columns: Columns): Envelope {
     const points: Envelope = new Array<number | null>(2 * columns.count).fill(null);
@@ -155,8 +156,8 @@ export class History {
 }
 
 /**
- * Columns of equal width, counted from the start of time: a sample's column does not depend on where the plot begins. The
- * last one holds the newest sample.
+ * Columns of equal width, counted from the start of time: a sample's column does not depend on where the plot begins.
+ * The last one holds the newest sample.
  */
 export interface Columns {
   readonly first: number;

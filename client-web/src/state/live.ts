@@ -1,4 +1,5 @@
-// Everything the Live page shows: the session as the server tells it, telemetry, events, and whether any of it is current.
+// Everything the Live page shows: the session as the server tells it, telemetry, events, and whether any of it is
+// current.
 
 import { batch, computed, signal, type ReadonlySignal } from "@preact/signals-core";
 import { decodeHeader, Kind } from "../protocol/header";

@@ -26,7 +26,7 @@ export interface Answer {
 }
 
 export interface Platform {
-  /** Monotonic. */
+  /** Time that never goes back, ms. */
   now_ms(): number;
   /** Runs something later; returns what calls it off. */
   after(delay_ms: number, run: () => void): () => void;

@@ -1,5 +1,5 @@
-// Which moment is on show. Telemetry comes in batches, twenty-five a second or so; shown as it comes, the tool would jerk.
-// The moment on show therefore runs evenly, a little more than half a batch behind the newest sample on average.
+// Which moment is on show. Telemetry comes in batches, twenty-five a second or so; shown as it comes, the tool would
+// jerk. The moment on show therefore runs evenly, a little more than half a batch behind the newest sample on average.
 
 /** How far behind the newest sample, s, on average over a batch: the pictures of the cut take about as long. */
 const BEHIND_S = 0.035;

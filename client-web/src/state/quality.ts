@@ -16,7 +16,9 @@ interface Reading {
   readonly late_ticks: number;
 }
 
-/** Over this long: short enough to follow a slider, long enough that one lost packet in a hundred can be told from two. */
+/**
+ * Over this long: short enough to follow a slider, long enough that one lost packet in a hundred can be told from two.
+ */
 const WINDOW_S = 3;
 
 /** Keeps the last readings. The loop's own ticks are the clock, so a page that was asleep sees no spike. */

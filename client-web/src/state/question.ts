@@ -1,5 +1,5 @@
-// One thing that a page asks the server over and over, as sliders move: the newest question counts, one is under way at a time,
-// and the last answer stays on show until there is a better one.
+// One thing that a page asks the server over and over, as sliders move: the newest question counts, one is under way at
+// a time, and the last answer stays on show until there is a better one.
 
 import { signal, type ReadonlySignal } from "@preact/signals-core";
 import type { Problem } from "../protocol/session";

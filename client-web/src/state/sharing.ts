@@ -1,4 +1,5 @@
-// New state that keeps the old one's objects wherever nothing changed, so that who shows a part is not woken by the rest.
+// New state that keeps the old one's objects wherever nothing changed, so that who shows a part is not woken by the
+// rest.
 
 /** `next`, with every part that equals its counterpart in `previous` replaced by it. */
 export function sharing<T>(previous: unknown, next: T): T {

@@ -1,5 +1,6 @@
-// The loop of [KHMH03] under a round trip d, as far as the page draws it itself: the server gives margins, which do not depend
-// on d; what the loop does at the d of the slider is found here. Symbols are those of docs/papers.md and paper (16)-(34):
+// The loop of [KHMH03] under a round trip d, as far as the page draws it itself: the server gives margins, which do not
+// depend on d; what the loop does at the d of the slider is found here. Symbols are those of docs/papers.md and paper
+// (16)-(34):
 //
 //   P = G_h C_h1,  H = P T_h,  E = rho P T_t,  T_t = B_t s + K_t,  rho = A_h1 / |A_h2|
 //   force exchange                 (1 + E)(1 + H) - H E exp(-s d) = 0
@@ -69,8 +70,8 @@ export function fastestGrowth(polynomials: Characteristic, delay_s: number): Gro
 }
 
 /**
- * Roots to the right of the axis and not below it. Such a root needs `|A| <= |B|`, which bounds it; Newton's method starts from
- * a grid over what is left, fine enough along the axis for one start within each turn of `exp(-s d)`.
+ * Roots to the right of the axis and not below it. Such a root needs `|A| <= |B|`, which bounds it; Newton's method
+ * starts from a grid over what is left, fine enough along the axis for one start within each turn of `exp(-s d)`.
  */
 export function growingRoots(polynomials: Characteristic, delay_s: number): Complex[] {
   const reach = reachOf(polynomials);
@@ -90,7 +91,10 @@ export function growingRoots(polynomials: Characteristic, delay_s: number): Comp
   return found;
 }
 
-/** Beyond this distance from 0 the right half-plane has `|B| < |A|` and so no root: Cauchy's bound on A, with B against it. */
+/**
+ * Beyond this distance from 0 the right half-plane has `|B| < |A|` and so no root: Cauchy's bound on A, with B against
+ * it.
+ */
 function reachOf({ a, b }: Characteristic): number {
   const lead = a.findIndex((coefficient) => coefficient !== 0);
   const order = a.length - 1 - lead;

@@ -1,5 +1,5 @@
-// The parallel robot, as far as the picture needs it at every frame: [KHMH03] (6)-(12). The server's answers count; a test holds
-// this against the reference, and another against the server. Metres, radians; arms j = 0, 1, 2.
+// The parallel robot, as far as the picture needs it at every frame: [KHMH03] (6)-(12). The server's answers count; a
+// test holds this against the reference, and another against the server. Metres, radians; arms j = 0, 1, 2.
 
 import type { Branch, RobotGeometry, Sign, Triple, WorkspaceAnswer } from "../protocol/theory";
 

@@ -1,4 +1,5 @@
-// What a loop does at a round trip, and why, in plain words: the server's margins put together with the motion that grows.
+// What a loop does at a round trip, and why, in plain words: the server's margins put together with the motion that
+// grows.
 
 import type { DelayVerdict, LoopAnswer } from "../protocol/theory";
 import { size } from "./complex";

@@ -4,8 +4,8 @@ import { useEffect } from "preact/hooks";
 import { processorDraws } from "../scene/quality";
 
 /**
- * Where the processor draws, the page leaves most of it to whatever else runs there, perhaps the loop itself: frames come this
- * far apart, ms, and everything that moves does so in one of them.
+ * Where the processor draws, the page leaves most of it to whatever else runs there, perhaps the loop itself: frames
+ * come this far apart, ms, and everything that moves does so in one of them.
  */
 const SPARING_MS = 80;
 

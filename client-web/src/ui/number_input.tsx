@@ -7,7 +7,7 @@ import type { Unit } from "./number/typed";
 interface NumberInputProps extends Unit {
   readonly name: string;
   readonly label: string;
-  /** SI. */
+  /** Value in SI units. */
   readonly value: number;
   readonly onWish: (value: number) => void;
   readonly check: Check;

@@ -18,7 +18,7 @@ export interface ValueFieldProps extends Quantity {
   readonly name: string;
   /** SI; nothing while it is not known. */
   readonly value: number | undefined;
-  /** SI. */
+  /** Takes the new value, in SI units. */
   readonly onWish: (value: number) => void;
   /** Asked for, not yet confirmed. */
   readonly state?: "settled" | "wished" | "refused";

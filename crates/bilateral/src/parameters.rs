@@ -29,7 +29,7 @@ pub enum ParameterError {
     Plant {
         /// The paper's name of it.
         plant: &'static str,
-        /// Why.
+        /// What makes the numbers no rational function.
         source: RationalError,
     },
     /// A plant has no state space.
@@ -37,7 +37,7 @@ pub enum ParameterError {
     StateSpace {
         /// The paper's name of it.
         plant: &'static str,
-        /// Why.
+        /// What keeps the function from a state space.
         source: StateSpaceError,
     },
     /// A plant cannot be sampled.
@@ -45,7 +45,7 @@ pub enum ParameterError {
     Sampling {
         /// The paper's name of it.
         plant: &'static str,
-        /// Why.
+        /// What keeps the plant from being sampled.
         source: DiscretiseError,
     },
     /// The tool's plant cannot be followed.
@@ -114,7 +114,8 @@ pub fn clay_shape(description: &ClayShape) -> Result<Shape, ShapeError> {
     })
 }
 
-/// Where, with what and in what a tool works. Shared, so that it can be exchanged on a tick without being copied or dropped there.
+/// Where, with what and in what a tool works. Shared, so that it can be exchanged on a tick without being copied or
+/// dropped there.
 ///
 /// # Errors
 /// The tool or the clay cannot be.
@@ -197,7 +198,8 @@ impl LoopModel {
         })
     }
 
-    /// What decides which frames go out, where not every one does. The heartbeat is a quarter of the allowed silence at most.
+    /// What decides which frames go out, where not every one does. The heartbeat is a quarter of the allowed silence at
+    /// most.
     pub(crate) fn deadband(&self, fraction: f64) -> Result<Option<Deadband>, DeadbandError> {
         if fraction <= 0.0 {
             return Ok(None);

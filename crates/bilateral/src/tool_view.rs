@@ -24,7 +24,8 @@ pub struct ToolView {
     pub energy_handle_j: f64,
     /// Energy that the tool put into the clay, J.
     pub energy_tool_j: f64,
-    /// Felt force less what the hand would feel of this clay's answer to the same motion, N: what a copy hid. Zero in schemes without one.
+    /// Felt force less what the hand would feel of this clay's answer to the same motion, N: what a copy hid. Zero in
+    /// schemes without one.
     pub hidden_force_n: [f64; 3],
     /// What the handle's copy of the clay is good for, as last received.
     pub copy: CopyState,
@@ -103,7 +104,8 @@ impl FarHandle {
     pub(crate) fn on_frame(&mut self, frame: &HandleFrame, longest_s: f64) {
         let felt = Vec3::from(frame.felt_force_n);
         let velocity = Vec3::from(frame.velocity_m_s);
-        // Frames that were lost or left out stand for the time until the next that came: half of it went by as the one before says, half as this one.
+        // Frames that were lost or left out stand for the time until the next that came: half of it went by as the one
+        // before says, half as this one.
         let power_w = -felt.dot(&velocity);
         let before_w = -Vec3::from(self.felt_force_n).dot(&self.velocity());
         let passed_ns = frame.header.sent_ns.saturating_sub(self.sent_ns);

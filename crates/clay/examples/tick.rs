@@ -1,7 +1,8 @@
-//! Times one clay tick (cut, contact, force) on grids of different sizes: `cargo run --release -p teleclay-clay --example tick`.
+//! Times one clay tick (cut, contact, force) on grids of different sizes:
+//! `cargo run --release -p teleclay-clay --example tick`.
 //!
-//! A ball of 12.8 voxels radius moves a quarter of a voxel per tick through fresh clay, half sunk into the top of the block and
-//! wholly inside it; the paper's blade cuts at three depths.
+//! A ball of 12.8 voxels radius moves a quarter of a voxel per tick through fresh clay, half sunk into the top of the
+//! block and wholly inside it; the paper's blade cuts at three depths.
 #![allow(clippy::print_stdout)] // a program's output
 
 use std::time::Instant;

@@ -6,18 +6,19 @@
 //! clamp(1/2 + g / 2h) * 255, rounded to nearest, ties to even
 //! ```
 //!
-//! a ramp two voxels wide with the solid's surface in its middle, so that the surface can be found again between voxels.
-//! The share is a function of the sweep and the voxel's index alone. Only additions, multiplications, divisions, square roots
-//! and comparisons in IEEE single and double precision go into it, each rounded on its own, so every machine gets the
-//! same bits.
+//! a ramp two voxels wide with the solid's surface in its middle, so that the surface can be found again between
+//! voxels. The share is a function of the sweep and the voxel's index alone. Only additions, multiplications,
+//! divisions, square roots and comparisons in IEEE single and double precision go into it, each rounded on its own, so
+//! every machine gets the same bits.
 //!
-//! A sweep is cut in two parts: the solid where it starts, and what it pushes ahead of itself from there to its end. The first part is
-//! left out where it is known to be cut already ([`Cleared`]), as in every tick but a tool's first. The second part looks at no
-//! voxel that the solid at the start leaves nothing of, or less of than what comes after: only at a thin shell in front of the tool.
+//! A sweep is cut in two parts: the solid where it starts, and what it pushes ahead of itself from there to its end.
+//! The first part is left out where it is known to be cut already ([`Cleared`]), as in every tick but a tool's first.
+//! The second part looks at no voxel that the solid at the start leaves nothing of, or less of than what comes after:
+//! only at a thin shell in front of the tool.
 //!
-//! Bricks are cut one by one, in tiles of four rows by four voxels ([`InBrick`]). Which tiles are looked at is bounded generously:
-//! looking at more never changes the result, and a tile is left out only where no share can be below what is there. Processors
-//! foresee badly which tiles these are, so they are listed first, without branches, and then cut.
+//! Bricks are cut one by one, in tiles of four rows by four voxels ([`InBrick`]). Which tiles are looked at is bounded
+//! generously: looking at more never changes the result, and a tile is left out only where no share can be below what
+//! is there. Processors foresee badly which tiles these are, so they are listed first, without branches, and then cut.
 
 mod ball;
 mod blade;

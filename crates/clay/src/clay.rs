@@ -19,8 +19,8 @@ pub const UNITS_PER_VOXEL: u64 = field::SOLID as u64;
 
 /// A block of clay.
 ///
-/// It belongs to whoever ticks; watchers keep copies of their own, fed by [`Clay::drain_changed`]. Nothing here allocates after creation except
-/// `clone`.
+/// It belongs to whoever ticks; watchers keep copies of their own, fed by [`Clay::drain_changed`]. Nothing here
+/// allocates after creation except `clone`.
 #[derive(Clone, Debug)]
 pub struct Clay {
     field: Field,
@@ -201,7 +201,8 @@ impl Clay {
         self.initial_units as f64 * self.unit_volume_m3()
     }
 
-    /// Volume that is left, m³, rounded so that it and [`Clay::removed_volume_m3`] add up to the initial volume exactly.
+    /// Volume that is left, m³, rounded so that it and [`Clay::removed_volume_m3`] add up to the initial volume
+    /// exactly.
     #[must_use]
     pub fn remaining_volume_m3(&self) -> f64 {
         self.initial_volume_m3() - self.removed_volume_m3()
@@ -230,7 +231,8 @@ impl Clay {
         self.field.view(index.dense())
     }
 
-    /// Puts content in a brick, as a mirror does with what it is sent; returns whether anything changed. All counts stay exact.
+    /// Puts content in a brick, as a mirror does with what it is sent; returns whether anything changed. All counts
+    /// stay exact.
     ///
     /// # Errors
     /// When the content has clay outside the grid, or the block would hold more than when it was fresh.
@@ -320,14 +322,15 @@ impl Clay {
         self.hashes.of_brick(brick)
     }
 
-    /// Hash of the whole clay, grid included. Only bricks changed since the last call are read: about half a microsecond each.
+    /// Hash of the whole clay, grid included. Only bricks changed since the last call are read: about half a
+    /// microsecond each.
     pub fn hash(&mut self) -> u64 {
         self.refresh_hashes(usize::MAX);
         self.hashes.total()
     }
 
-    /// Brings up to `most` brick hashes up to date and returns how many are left, to spread the work of [`Clay::hash`] over
-    /// ticks.
+    /// Brings up to `most` brick hashes up to date and returns how many are left, to spread the work of [`Clay::hash`]
+    /// over ticks.
     pub fn refresh_hashes(&mut self, most: usize) -> usize {
         for _ in 0..most {
             let Some(brick) = self.changes.take_stale() else {
@@ -338,8 +341,8 @@ impl Clay {
         self.changes.stale_count()
     }
 
-    /// Has the operating system commit the memory that cutting may come to need, so that the first cut through a brick does not
-    /// wait for it.
+    /// Has the operating system commit the memory that cutting may come to need, so that the first cut through a brick
+    /// does not wait for it.
     pub fn commit_pages(&mut self) {
         self.field.commit_pages();
     }

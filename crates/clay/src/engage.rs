@@ -5,15 +5,16 @@
 //! ```
 //!
 //! with `n` the outward normal, `d` the direction of motion and `e` 1 where clay stands ahead, 0 where air does. A ball
-//! wholly in clay has `pi r^2`, a blade its width times the depth of cut. The integral is a sum over points that are fixed in the tool, so
-//! what is summed does not depend on the speed, and a removed volume never has to be divided by a small step.
+//! wholly in clay has `pi r^2`, a blade its width times the depth of cut. The integral is a sum over points that are
+//! fixed in the tool, so what is summed does not depend on the speed, and a removed volume never has to be divided by a
+//! small step.
 //!
-//! `e` is read where, going from a point of the face in the direction of motion, one voxel ([`LOOK_AHEAD_VOXELS`]) lies between
-//! the place and the face: straight ahead that is one voxel on, towards the rim of a ball some voxels. Seen along
-//! the motion, the place then covers the point it stands for, and clay that ends across the motion is measured without bias.
-//! Occupancy there is interpolated between voxel centres and saturated, so that a face which has just cut its way reads
-//! full clay wherever between the voxels it stands, the edge of engaged clay is found between voxels too, and the walls of a cut,
-//! which hold half at the rim of the tool that made it, do not count.
+//! `e` is read where, going from a point of the face in the direction of motion, one voxel ([`LOOK_AHEAD_VOXELS`]) lies
+//! between the place and the face: straight ahead that is one voxel on, towards the rim of a ball some voxels. Seen
+//! along the motion, the place then covers the point it stands for, and clay that ends across the motion is measured
+//! without bias. Occupancy there is interpolated between voxel centres and saturated, so that a face which has just cut
+//! its way reads full clay wherever between the voxels it stands, the edge of engaged clay is found between voxels too,
+//! and the walls of a cut, which hold half at the rim of the tool that made it, do not count.
 
 mod points;
 mod sampler;

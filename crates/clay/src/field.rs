@@ -1,9 +1,10 @@
 //! Occupancy of the voxels, stored by bricks.
 //!
-//! An occupancy is a byte, 0 for air and 255 for solid clay. A brick is empty, full, or has a slot of 4 KiB in one slab. The slab has
-//! room for every brick from the start and is asked for zeroed, so that the operating system commits its pages only as they are
-//! first carved, and carving itself never allocates. Two slots stand for all bricks that are empty and all that are full: whoever
-//! reads ([`Field::reader`]) finds a slot for every place, and beyond the grid, too.
+//! An occupancy is a byte, 0 for air and 255 for solid clay. A brick is empty, full, or has a slot of 4 KiB in one
+//! slab. The slab has room for every brick from the start and is asked for zeroed, so that the operating system commits
+//! its pages only as they are first carved, and carving itself never allocates. Two slots stand for all bricks that are
+//! empty and all that are full: whoever reads ([`Field::reader`]) finds a slot for every place, and beyond the grid,
+//! too.
 
 use crate::grid::{BRICK_EDGE, BRICK_VOXELS, BrickIndex, Grid};
 use crate::shape::{Shape, covered_share};
@@ -40,8 +41,8 @@ pub(crate) enum Brick {
     Slot(u32),
 }
 
-/// Tiles of a brick, four rows by four voxels, that may have clay: a word for each layer, of which the first four bits are the tiles of the first
-/// four rows, and so on. A tile without its bit is air.
+/// Tiles of a brick, four rows by four voxels, that may have clay: a word for each layer, of which the first four bits
+/// are the tiles of the first four rows, and so on. A tile without its bit is air.
 #[derive(Clone, Copy, Debug)]
 struct Tiles {
     with_clay: [u16; BRICK_EDGE],
@@ -67,7 +68,8 @@ pub(crate) struct Field {
     total: u64,
 }
 
-/// Where occupancies are kept. Places are counted from the lower corner of a border one brick wide all around the grid; all is air there.
+/// Where occupancies are kept. Places are counted from the lower corner of a border one brick wide all around the grid;
+/// all is air there.
 #[derive(Clone, Copy)]
 pub(crate) struct Reader<'a> {
     places: &'a [u32],
@@ -77,8 +79,8 @@ pub(crate) struct Reader<'a> {
 }
 
 impl Reader<'_> {
-    /// The occupancies of a voxel and those after it along x, y and z, the first lowest, in this order. All are in one brick: `brick`
-    /// by the strides, `voxel` the first one's number in it.
+    /// The occupancies of a voxel and those after it along x, y and z, the first lowest, in this order. All are in one
+    /// brick: `brick` by the strides, `voxel` the first one's number in it.
     #[inline(always)]
     pub(crate) fn eight(&self, brick: u32, voxel: u32) -> u64 {
         const Y: usize = BRICK_EDGE;
@@ -226,7 +228,8 @@ impl Field {
         }
     }
 
-    /// Whether all voxels from one up to and including another, and all between, are in bricks without clay or outside the grid.
+    /// Whether all voxels from one up to and including another, and all between, are in bricks without clay or outside
+    /// the grid.
     pub(crate) fn is_air(&self, lowest: [i32; 3], highest: [i32; 3]) -> bool {
         let counts = self.grid.bricks().map(i32::from);
         let edge = BRICK_EDGE as i32;
@@ -242,7 +245,8 @@ impl Field {
         })
     }
 
-    /// Which tiles of a brick may have clay: a word for each layer, a bit for each tile, along x first. All others are air.
+    /// Which tiles of a brick may have clay: a word for each layer, a bit for each tile, along x first. All others are
+    /// air.
     #[inline]
     pub(crate) fn tiles_with_clay(&self, brick: usize) -> [u16; BRICK_EDGE] {
         self.tiles[brick].with_clay
@@ -256,7 +260,8 @@ impl Field {
         slot
     }
 
-    /// Takes what was removed from a brick that has a slot into the balance, and gives the slot back when nothing is left.
+    /// Takes what was removed from a brick that has a slot into the balance, and gives the slot back when nothing is
+    /// left.
     #[inline]
     pub(crate) fn count_removal(&mut self, brick: usize, removed: u32) {
         self.total -= u64::from(removed);
@@ -328,7 +333,8 @@ impl Field {
         true
     }
 
-    /// Writes to every page of the slab that was never used, so that no later cut waits for the operating system to commit one.
+    /// Writes to every page of the slab that was never used, so that no later cut waits for the operating system to
+    /// commit one.
     pub(crate) fn commit_pages(&mut self) {
         let used = self.unused_from as usize * BRICK_VOXELS;
         self.slab[used..].fill(0);

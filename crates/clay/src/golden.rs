@@ -12,8 +12,9 @@ use crate::tool::{Blade, BladeDimensions, ToolShape};
 /// What [`digest`] must return on every machine.
 pub const DIGEST: u64 = 0xd8360f13847396f8;
 
-/// Cuts, feels and hashes by a fixed plan: strokes of a ball and of a blade, short and long, along the grid and across it, starting where
-/// the last one ended and out of nowhere, inside the clay and past it. The bits of every force and every hash go into the digest.
+/// Cuts, feels and hashes by a fixed plan: strokes of a ball and of a blade, short and long, along the grid and across
+/// it, starting where the last one ended and out of nowhere, inside the clay and past it. The bits of every force and
+/// every hash go into the digest.
 ///
 /// # Panics
 /// Never: the plan's numbers are valid.

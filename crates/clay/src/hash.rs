@@ -7,8 +7,8 @@
 //! lane <- (lane ^ word) * ODD;   lane <- lane ^ (lane >> 32)
 //! ```
 //!
-//! which loses nothing, so one changed occupancy always changes its lane. The lanes are then folded by the same step and a
-//! finaliser of shifts and multiplications. It guards against accidents, not against an adversary.
+//! which loses nothing, so one changed occupancy always changes its lane. The lanes are then folded by the same step
+//! and a finaliser of shifts and multiplications. It guards against accidents, not against an adversary.
 
 use crate::field::{BrickView, SOLID};
 use crate::grid::{BRICK_VOXELS, Grid};
@@ -82,8 +82,8 @@ fn of_uniform(occupancy: u8) -> u64 {
     of_rounds(std::iter::repeat_n([word; LANES], BRICK_VOXELS / 8 / LANES))
 }
 
-/// What a brick adds to the hash of the whole clay. Sums of these do not depend on the order of bricks, and one brick's share can be
-/// taken out and put back.
+/// What a brick adds to the hash of the whole clay. Sums of these do not depend on the order of bricks, and one brick's
+/// share can be taken out and put back.
 fn share_of_brick(brick: usize, brick_hash: u64) -> u64 {
     finish(step(brick_hash, brick as u64))
 }
@@ -135,7 +135,8 @@ mod tests {
         }
     }
 
-    /// Every single change of one voxel gives a hash of its own: a hash that skipped voxels or forgot their place would collide.
+    /// Every single change of one voxel gives a hash of its own: a hash that skipped voxels or forgot their place would
+    /// collide.
     #[test]
     fn every_voxel_and_every_value_counts() {
         let mut voxels = [255; BRICK_VOXELS];

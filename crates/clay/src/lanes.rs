@@ -1,8 +1,8 @@
 //! Four numbers at a time.
 //!
-//! Compilers find vectors in scalar code by luck, and the luck turns with every change. So the few operations that cutting and feeling
-//! spend their time in are spelled out: for x86-64 with the vector instructions that every such processor has, elsewhere with
-//! arrays. Both give the same bits, NaN included, and a test holds them to it.
+//! Compilers find vectors in scalar code by luck, and the luck turns with every change. So the few operations that
+//! cutting and feeling spend their time in are spelled out: for x86-64 with the vector instructions that every such
+//! processor has, elsewhere with arrays. Both give the same bits, NaN included, and a test holds them to it.
 
 #[cfg(any(test, not(target_arch = "x86_64")))]
 mod arrays;

@@ -6,9 +6,9 @@
 //! F = -(sigma_y + k |v|) A v / |v|
 //! ```
 //!
-//! with yield stress `sigma_y` (Pa) and viscosity `k` (Pa s/m). With `sigma_y = 0` this is the viscous clay of \[KHMH03\].
-//! Below yield the clay is a spring between the tool and the place where the clay last gave way. Its stiffness is that of a flat round
-//! punch of the same area on an elastic half space of modulus `E` (Pa):
+//! with yield stress `sigma_y` (Pa) and viscosity `k` (Pa s/m). With `sigma_y = 0` this is the viscous clay of
+//! \[KHMH03\]. Below yield the clay is a spring between the tool and the place where the clay last gave way. Its
+//! stiffness is that of a flat round punch of the same area on an elastic half space of modulus `E` (Pa):
 //!
 //! ```text
 //! K = 2 E sqrt(A / pi)
@@ -19,9 +19,9 @@
 //! # Passivity
 //!
 //! Let a tick move the tool by `D` and answer with `F`. The work the tool does is `-F . D`; the spring's energy is
-//! `S = K |u|^2 / 2`. When the area grows, so would the energy of a stretch already there: the stretch
-//! is then shortened to keep the energy, `u0 = u sqrt(K_old / K)`. With `u = u0 + D` less the slide `p`, which points along `u`,
-//! `K u . D >= K (|u|^2 - |u0|^2) / 2 + K u . p >= S - S_old`. So over any closed cycle the tool gives at least
+//! `S = K |u|^2 / 2`. When the area grows, so would the energy of a stretch already there: the stretch is then
+//! shortened to keep the energy, `u0 = u sqrt(K_old / K)`. With `u = u0 + D` less the slide `p`, which points along
+//! `u`, `K u . D >= K (|u|^2 - |u0|^2) / 2 + K u . p >= S - S_old`. So over any closed cycle the tool gives at least
 //! what it takes, whatever happens to the area.
 
 use thiserror::Error;
@@ -33,8 +33,8 @@ pub const MAX_COEFFICIENT: f64 = 1e12;
 /// Largest speed of a tool along an axis, m/s.
 pub const MAX_SPEED_M_S: f64 = 1e3;
 
-/// Without stiffness, the yield force grows in proportion up to this speed, m/s, instead of jumping at rest. It is the slowest
-/// speed at which the law is promised.
+/// Without stiffness, the yield force grows in proportion up to this speed, m/s, instead of jumping at rest. It is the
+/// slowest speed at which the law is promised.
 pub const RIGID_YIELD_SPEED_M_S: f64 = 5e-4;
 
 /// Coefficients of the clay. Invariant: each finite, not below zero, at most [`MAX_COEFFICIENT`].
@@ -107,7 +107,8 @@ impl Material {
 }
 
 impl Default for Material {
-    /// The viscous clay of the published experiment: 2e5 Pa s/m, so 20 N s/m over a square centimetre; no yield, no stiffness.
+    /// The viscous clay of the published experiment: 2e5 Pa s/m, so 20 N s/m over a square centimetre; no yield, no
+    /// stiffness.
     fn default() -> Self {
         let coefficients = Coefficients {
             viscosity_pa_s_per_m: 2e5,

@@ -1,7 +1,7 @@
 //! Clay that can be cut: a sparse field of voxels, tools that sweep through it, and the force it answers with.
 //!
-//! Everything here is a pure function of what is passed in: no clock, no threads, no input or output, no randomness. The same
-//! sweeps give the same bits on every machine ([`golden`]).
+//! Everything here is a pure function of what is passed in: no clock, no threads, no input or output, no randomness.
+//! The same sweeps give the same bits on every machine ([`golden`]).
 //!
 //! ```
 //! use teleclay_clay::{Clay, ContactState, Material, Motion, Pose, Shape, Tool, ToolShape};

@@ -69,8 +69,8 @@ impl Mesh {
     /// The surface of the clay: a closed manifold that encloses the volume that is left. Empty for clay that is all
     /// gone.
     ///
-    /// The volume is right to a thousandth wherever moving the surface within its cells can make it so, which is the case
-    /// for what tools leave behind. Of clay that is porous throughout the mesh encloses more than is left;
+    /// The volume is right to a thousandth wherever moving the surface within its cells can make it so, which is the
+    /// case for what tools leave behind. Of clay that is porous throughout the mesh encloses more than is left;
     /// [`Mesh::volume_m3`] says how much.
     #[must_use]
     pub fn of(clay: &Clay) -> Self {

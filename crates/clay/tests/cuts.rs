@@ -1,5 +1,5 @@
-//! Cuts are facts: the clay that results does not depend on their order, number, or on how they were worked out, and not a unit
-//! of volume gets lost.
+//! Cuts are facts: the clay that results does not depend on their order, number, or on how they were worked out, and
+//! not a unit of volume gets lost.
 
 use proptest::prelude::*;
 use teleclay_clay::{
@@ -102,8 +102,9 @@ fn sum_of_occupancies(clay: &Clay) -> u64 {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(256))]
 
-    /// Cut in order, every sweep starts where the last one ended and only looks ahead of itself. Cut in reverse, none does,
-    /// and each looks at everything. Both must agree to the last bit; so must any other order with any repetitions.
+    /// Cut in order, every sweep starts where the last one ended and only looks ahead of itself. Cut in reverse, none
+    /// does, and each looks at everything. Both must agree to the last bit; so must any other order with any
+    /// repetitions.
     #[test]
     fn order_and_repetition_leave_no_trace(
         first in tool(),
@@ -156,7 +157,8 @@ proptest! {
         same_voxels(&in_turns, &in_reverse)?;
     }
 
-    /// Every unit is either there or was reported as removed, also through bricks that were full, are emptied, or end outside the grid.
+    /// Every unit is either there or was reported as removed, also through bricks that were full, are emptied, or end
+    /// outside the grid.
     #[test]
     fn volume_is_conserved_exactly(shape in tool(), way in way()) {
         let mut clay = block();
@@ -238,15 +240,16 @@ proptest! {
     }
 }
 
-/// Whether a ball's step is so short that it is cut as two balls, for that makes no more than a quarter of a unit of difference:
-/// `step^2 / 8 d`, `d` the least distance from the way that matters.
+/// Whether a ball's step is so short that it is cut as two balls, for that makes no more than a quarter of a unit of
+/// difference: `step^2 / 8 d`, `d` the least distance from the way that matters.
 fn is_short(ball: &Ball, step_m: [f64; 3]) -> bool {
     let step = step_m.map(|d| d / VOXEL_M);
     let squared = step.iter().map(|d| d * d).sum::<f64>();
     squared * 127.5 / 8.0 <= 0.25 * (ball.radius_m() / VOXEL_M - 1.0)
 }
 
-/// Signed distance of a point outside a swept tool, m. Outside the edges of a blade it is the distance to the farthest plane.
+/// Signed distance of a point outside a swept tool, m. Outside the edges of a blade it is the distance to the farthest
+/// plane.
 fn distance_m(shape: &ToolShape, from: Pose, to: Pose, point_m: [f64; 3]) -> f64 {
     let (from, to) = (from.position_m(), to.position_m());
     let sub =

@@ -455,8 +455,8 @@ fn what_no_motion_has_is_refused() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(96))]
 
-    /// Round any closed loop in real clay, carved as it goes, the tool never gets out more than it put in. Work is counted with
-    /// the force at the end of each step, as the law's derivation has it.
+    /// Round any closed loop in real clay, carved as it goes, the tool never gets out more than it put in. Work is
+    /// counted with the force at the end of each step, as the law's derivation has it.
     #[test]
     fn no_closed_loop_yields_energy(
         viscosity in prop_oneof![Just(0.0), 1e3..1e6],

@@ -10,7 +10,8 @@ const AROUND_A_SEAM: usize = 20;
 /// Where patterns begin: their middle is where bricks meet.
 const PATTERN_FROM: usize = 15;
 
-/// Clay like a pattern: a bit for each voxel, x fastest; and by which voxel of the pattern it is, what its occupancy is.
+/// Clay like a pattern: a bit for each voxel, x fastest; and by which voxel of the pattern it is, what its occupancy
+/// is.
 fn clay_like(edges: [usize; 3], bits: u64, mut occupancy: impl FnMut(usize, bool) -> u8) -> Clay {
     clay_of([AROUND_A_SEAM; 3], 1e-3, |voxel| {
         let place = voxel.map(|at| at.wrapping_sub(PATTERN_FROM));
@@ -139,8 +140,8 @@ fn films_have_their_volume() {
     }
 }
 
-/// At the far end of the longest grid, where coordinates are coarsest, with vertices as near to each other as they get: specks
-/// of next to nothing, which touch along edges and in corners.
+/// At the far end of the longest grid, where coordinates are coarsest, with vertices as near to each other as they get:
+/// specks of next to nothing, which touch along edges and in corners.
 #[test]
 fn vertices_are_told_apart_at_the_far_end() {
     let mut noise = Noise(5);

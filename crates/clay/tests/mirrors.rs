@@ -74,7 +74,8 @@ fn voxels_of(view: BrickView<'_>) -> [u8; BRICK_VOXELS] {
 }
 
 proptest! {
-    /// However little is drained at a time, the mirror converges, every brick arrives once per change at most, and counts and hashes agree.
+    /// However little is drained at a time, the mirror converges, every brick arrives once per change at most, and
+    /// counts and hashes agree.
     #[test]
     fn a_mirror_converges(sweeps in sweeps(), most in 1_usize..6) {
         let (mut original, mut mirror) = (clay(), clay());
@@ -112,7 +113,8 @@ proptest! {
         }
     }
 
-    /// Hashes kept up to date in parts equal those of a clay that is hashed once, and of one that got there in one piece.
+    /// Hashes kept up to date in parts equal those of a clay that is hashed once, and of one that got there in one
+    /// piece.
     #[test]
     fn hashes_do_not_remember_how(sweeps in sweeps(), most in 1_usize..4) {
         let (mut in_parts, mut at_once) = (clay(), clay());
@@ -132,8 +134,8 @@ proptest! {
         }
     }
 
-    /// A copy that takes the original's bricks, whatever it was itself, and then cuts what the original had not seen of its own cuts, holds
-    /// the cuts of both: this is how a replica takes in a snapshot.
+    /// A copy that takes the original's bricks, whatever it was itself, and then cuts what the original had not seen of
+    /// its own cuts, holds the cuts of both: this is how a replica takes in a snapshot.
     #[test]
     fn a_snapshot_and_the_sweeps_it_lacks_make_the_whole(common in sweeps(), own in sweeps(), others in sweeps(), only_changed in any::<bool>()) {
         let mut copy = cut_by(&[&common, &own]);

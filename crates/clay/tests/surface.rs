@@ -184,7 +184,8 @@ proptest! {
         prop_assert!(error.abs() < 2e-3, "{}", error);
     }
 
-    /// Noise is the hardest clay to mesh: every ambiguous face occurs, in bricks, between them and at the border of the grid.
+    /// Noise is the hardest clay to mesh: every ambiguous face occurs, in bricks, between them and at the border of the
+    /// grid.
     #[test]
     fn noise_is_closed(seed in any::<u64>(), threshold in 1_u64..255, edge in 14..36_usize) {
         let mut noise = Noise(seed);

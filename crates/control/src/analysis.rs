@@ -38,7 +38,7 @@ pub const MOST_OMEGAS: usize = 10_000;
 pub struct CompensatorResponse {
     /// Frequency, rad/s.
     pub omega_rad_s: f64,
-    /// `C_h1`.
+    /// Compensator `C_h1` of the handle.
     pub c_h1: Option<Complex<f64>>,
     /// `C_t1` (30).
     pub c_t1: Option<Complex<f64>>,

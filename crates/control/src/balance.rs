@@ -17,7 +17,7 @@ pub(crate) struct Balance {
 }
 
 impl Balance {
-    /// `|p|²`.
+    /// Squared magnitude `|p|²`.
     pub(crate) fn squared(p: &[f64]) -> Self {
         Self::real_part(p, p)
     }

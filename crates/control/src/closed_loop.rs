@@ -20,7 +20,7 @@ use nalgebra::Complex;
 /// Operator, handle, tool and clay of one axis, joined.
 #[derive(Clone, Debug)]
 pub struct ClosedLoop {
-    /// `D`.
+    /// Denominator `D` that the shares of arm and clay have in common.
     pub(crate) d: Polynomial,
     /// `N_H`, the arm's share.
     pub(crate) n_h: Polynomial,

@@ -64,9 +64,9 @@ pub struct PhaseMargin {
 /// All of them, over one mesh.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Margins {
-    /// (33).
+    /// Distance of the Nyquist curve from -1, (33).
     pub nyquist: NyquistDistance,
-    /// (34).
+    /// Small-gain margin, (34).
     pub small_gain: SmallGain,
     /// Gain and phase margin.
     pub classical: ClassicalMargins,

@@ -157,7 +157,8 @@ impl Scaled {
                     .sum();
                 let correction = (probe.log_derivative - repulsion).inv();
                 let usable = correction.re.is_finite() && correction.im.is_finite();
-                // What settles a candidate is the polynomial. A small correction alone does not: a neighbour that has come too near makes one as well.
+                // What settles a candidate is the polynomial. A small correction alone does not: a neighbour that has
+                // come too near makes one as well.
                 let last_digit = f64::EPSILON * z.norm();
                 let settled = probe.at_rest || probe.log_derivative.inv().norm() <= last_digit;
                 let pinned = !settled && correction.norm() <= last_digit;

@@ -65,9 +65,9 @@ pub struct Proposal {
 /// A kind of clay.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ClayPoint {
-    /// N·s/m.
+    /// Damping, N·s/m.
     pub damping_n_s_per_m: f64,
-    /// N/m.
+    /// Stiffness, N/m.
     pub stiffness_n_per_m: f64,
 }
 
@@ -169,8 +169,8 @@ pub fn propose(target: &TuningTarget) -> Result<Proposal, TuningError> {
     propose_while(target, || ControlFlow::Continue(()))
 }
 
-/// The same; `go_on` is asked every few milliseconds at most, and may call the search off. Plants with many sharp resonances take
-/// a minute.
+/// The same; `go_on` is asked every few milliseconds at most, and may call the search off. Plants with many sharp
+/// resonances take a minute.
 ///
 /// # Errors
 /// As [`propose`], and [`TuningError::CalledOff`].
@@ -201,8 +201,8 @@ pub fn propose_while(
     }
 }
 
-/// A clay of less than this, N·s/m or N/m, or a delay, s, is none: what differs shows at frequencies of no machine only, and the search
-/// would look there.
+/// A clay of less than this, N·s/m or N/m, or a delay, s, is none: what differs shows at frequencies of no machine
+/// only, and the search would look there.
 const NEGLIGIBLE: f64 = 1e-12;
 
 impl TuningTarget {

@@ -240,7 +240,8 @@ fn loops_without_a_margin_say_why() {
             DelayMargin::None(NoMargin::UnstableWithoutDelay)
         );
     }
-    // An admittance with a pole at +1 that the arm's own stiffness holds: one copy is held, the difference of two is not.
+    // An admittance with a pole at +1 that the arm's own stiffness holds: one copy is held, the difference of two is
+    // not.
     let runaway = Sides {
         g_h: RationalFunction::new(&[1.0], &[1.0]).unwrap(),
         ..sides(RationalFunction::new(&[1.0], &[1.0, 9.0, -10.0]).unwrap())

@@ -223,8 +223,8 @@ proptest! {
     }
 }
 
-/// On the way to these roots two candidates come within rounding of each other. What pushes them apart then makes the step of one of them vanish, which is
-/// no sign of a root.
+/// On the way to these roots two candidates come within rounding of each other. What pushes them apart then makes the
+/// step of one of them vanish, which is no sign of a root.
 #[test]
 fn a_candidate_that_a_neighbour_pins_down_is_not_taken_for_a_root() {
     let p = polynomial(&[

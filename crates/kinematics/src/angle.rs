@@ -4,12 +4,12 @@
 //! works on them side by side, which a call per angle forbids; and the same bits come out on every target, which a
 //! mathematical library does not promise.
 //!
-//! With `a <= b` the two magnitudes: `atan(a/b)` directly up to `tan(pi/8)`, else `pi/4 - atan((b-a)/(b+a))`, so that the
-//! argument `u` stays below 0.4143 and `atan(u)/u` is a short polynomial in `u²`.
+//! With `a <= b` the two magnitudes: `atan(a/b)` directly up to `tan(pi/8)`, else `pi/4 - atan((b-a)/(b+a))`, so that
+//! the argument `u` stays below 0.4143 and `atan(u)/u` is a short polynomial in `u²`.
 
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
-/// `tan(pi/8)`.
+/// Tangent of 22.5 degrees, `sqrt(2) - 1`.
 const TAN_PI_8: f64 = 0.414_213_562_373_095_03;
 
 /// `(atan(u)/u - 1) / u²` in powers of `u²` over `0 <= u² <= tan²(pi/8)`: interpolated at Chebyshev nodes in 50 digits;

@@ -2,7 +2,8 @@
 
 /// One of the eight inverse solutions, by the signs `K_j` of (10)–(12), one per arm.
 ///
-/// With the platform above the base (`z > 0`), `K_j = -1` puts the elbow of arm `j` outwards; below it, `K_j = +1` does.
+/// With the platform above the base (`z > 0`), `K_j = -1` puts the elbow of arm `j` outwards; below it, `K_j = +1`
+/// does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Branch {
     /// Bit `2 - j` is set where `K_j = -1`, so that branches count like the signs read: `+ + +` first.

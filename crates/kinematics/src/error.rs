@@ -53,8 +53,8 @@ pub enum Singularity {
         /// The arm that is nearest to it, from 1.
         arm: usize,
     },
-    /// `det K_r = 0`: the rods lie in a plane, or parallel to one. The platform gains a freedom that no joint holds; where
-    /// arms folded inwards bring their rods together, two or three.
+    /// `det K_r = 0`: the rods lie in a plane, or parallel to one. The platform gains a freedom that no joint holds;
+    /// where arms folded inwards bring their rods together, two or three.
     #[error("the rods lie in one plane and do not hold the platform")]
     Parallel,
     /// Both at once.

@@ -32,8 +32,9 @@ pub struct Posture {
     lower_m: f64,
 }
 
-/// A measure below this is a singularity. The serial one goes with the square root of the distance to the edge of reach,
-/// so rounding of a position at the very edge alone gives 2e-8 or so; a posture that is 1e-7 away is 1e-15 m from it.
+/// A measure below this is a singularity. The serial one goes with the square root of the distance to the edge of
+/// reach, so rounding of a position at the very edge alone gives 2e-8 or so; a posture that is 1e-7 away is 1e-15 m
+/// from it.
 const SINGULAR: f64 = 1e-7;
 
 impl Geometry {
@@ -190,8 +191,8 @@ impl Posture {
         Ok((self.k_r() * velocity_m_s).component_div(&self.b_r_m2))
     }
 
-    /// Platform acceleration in m/s² for joint rates in rad/s and joint accelerations in rad/s²: (13) differentiated once more.
-    /// With `u_j` the upper link and `u_j'` its derivative by `rho_j`,
+    /// Platform acceleration in m/s² for joint rates in rad/s and joint accelerations in rad/s²: (13) differentiated
+    /// once more. With `u_j` the upper link and `u_j'` its derivative by `rho_j`,
     ///
     /// ```text
     /// k_j . X_ddot = b_j rho_ddot_j - (k_j . u_j) rho_dot_j² - |X_dot - u_j' rho_dot_j|²

@@ -53,8 +53,8 @@ fn direction(geometry: &Geometry, j: usize) -> Vector3<f64> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(2_000))]
 
-    /// There and back for all eight branches; the robot's own geometry closes as well, by (1)–(5) and for both rods of a
-    /// pair.
+    /// There and back for all eight branches; the robot's own geometry closes as well, by (1)–(5) and for both rods of
+    /// a pair.
     #[test]
     fn inverse_then_forward_returns_the_point(geometry in geometries(), position in positions(), half_width in 0.0..0.05f64) {
         let Ok(solutions) = geometry.inverse(&position) else { return Ok(()) };
@@ -283,8 +283,9 @@ fn the_printed_7_does_not_close_the_loop() {
     );
 }
 
-/// (2)–(5) as printed give each of the six rods an arm and an elbow of its own, `i = 1..6`, with a platform point of its
-/// own. Two rods of a pair would then have to start from one elbow and end side by side, which one length cannot do.
+/// (2)–(5) as printed give each of the six rods an arm and an elbow of its own, `i = 1..6`, with a platform point of
+/// its own. Two rods of a pair would then have to start from one elbow and end side by side, which one length cannot
+/// do.
 #[test]
 fn printed_indices_would_give_a_pair_two_lengths() {
     let geometry = Geometry::default();
@@ -512,8 +513,8 @@ fn branches_count_like_their_signs() {
     assert_eq!(Branch::ALL[1].signs(), [1, 1, -1]);
 }
 
-/// A robot whose reach is known: `r_b = r_p` puts all three arms in the centre, and with `l_1 = l_2` each reaches a horn
-/// torus of tube radius `l`. On the axis of the robot that is |z| <= 2 l.
+/// A robot whose reach is known: `r_b = r_p` puts all three arms in the centre, and with `l_1 = l_2` each reaches a
+/// horn torus of tube radius `l`. On the axis of the robot that is |z| <= 2 l.
 #[test]
 fn maps_show_the_reach() {
     let l = 0.1;

@@ -104,7 +104,8 @@ impl Arrivals {
     fn go_on(&mut self, ahead: u32, seen: u128) {
         let remembered = u64::from(self.of_the_stream) + u64::from(ahead);
         let forgotten = remembered.saturating_sub(MEMORY.into());
-        // Forgotten are the oldest numbers remembered so far and, on a jump beyond the memory, some that were never in it.
+        // Forgotten are the oldest numbers remembered so far and, on a jump beyond the memory, some that were never in
+        // it.
         let old = forgotten.min(self.of_the_stream.into()) as u32;
         let kept = self.of_the_stream - old;
         let of_the_stream = u128::MAX >> (MEMORY - self.of_the_stream);

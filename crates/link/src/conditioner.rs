@@ -1,9 +1,9 @@
 //! The link conditioner: one direction of a bad network, reproducible from a seed.
 //!
-//! A message pushed at `now` comes out of [`Conditioner::poll`] at its release time, possibly twice, late, early or never.
-//! Random numbers come from PCG-64 and only `+ - * / sqrt` shape them, so one seed gives the same fate to the same sequence of
-//! pushes on every target. Each message draws the same count of numbers whatever happens to it; changing the loss does not
-//! reshuffle the delays.
+//! A message pushed at `now` comes out of [`Conditioner::poll`] at its release time, possibly twice, late, early or
+//! never. Random numbers come from PCG-64 and only `+ - * / sqrt` shape them, so one seed gives the same fate to the
+//! same sequence of pushes on every target. Each message draws the same count of numbers whatever happens to it;
+//! changing the loss does not reshuffle the delays.
 
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
@@ -20,7 +20,8 @@ pub enum JitterDistribution {
     /// Normal (sum of twelve uniforms, so within six sigma), cut off at zero delay.
     #[default]
     Normal,
-    /// Pareto with exponent 4, shifted and scaled to the same mean and standard deviation: mostly a little early, at times very late.
+    /// Pareto with exponent 4, shifted and scaled to the same mean and standard deviation: mostly a little early, at
+    /// times very late.
     HeavyTailed,
 }
 
@@ -44,8 +45,8 @@ pub struct Outages {
     pub length: Duration,
 }
 
-/// A line that stands still for a while and loses nothing by it: what queued up comes afterwards, in its order, as over a
-/// stream that repeats what was lost.
+/// A line that stands still for a while and loses nothing by it: what queued up comes afterwards, in its order, as over
+/// a stream that repeats what was lost.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stall {
     /// When it begins.
@@ -225,8 +226,8 @@ impl<T: Clone> Conditioner<T> {
         self.poll_with_arrival(now).map(|(_, message)| message)
     }
 
-    /// As [`poll`](Self::poll), with the instant at which the message fell due: whoever polls once a tick can tell the line's
-    /// delay from its own.
+    /// As [`poll`](Self::poll), with the instant at which the message fell due: whoever polls once a tick can tell the
+    /// line's delay from its own.
     pub fn poll_with_arrival(&mut self, now: Timestamp) -> Option<(Timestamp, T)> {
         while self.in_flight.peek()?.release <= now {
             let due = self.in_flight.pop()?;
@@ -470,7 +471,8 @@ mod tests {
             assert!(arrived.iter().map(|&(n, _)| n).eq(0..3000), "{drain}");
             for (number, tick) in arrived {
                 let due = number + 5;
-                // The first in the queue comes when the stall ends, the others behind it, until one would not have queued at all.
+                // The first in the queue comes when the stall ends, the others behind it, until one would not have
+                // queued at all.
                 let in_turn = |queued_for: u64| 1000 + (queued_for as f64 / drain).ceil() as u64;
                 let expected = due.checked_sub(800).map_or(0, in_turn).max(due);
                 assert_eq!(tick, expected, "number {number} at drain {drain}");

@@ -1,12 +1,13 @@
 //! Perceptual coding: a frame is left out while nothing has changed that a hand could feel.
 //!
-//! Weber's law: a change is felt when it exceeds a share of what is there already. So a frame goes out when its signal has left the band of
-//! [`DeadbandSettings::fraction`] around the one last sent, and at the latest after a heartbeat, so that silence still means silence. Known since
-//! [HHCSB08] in docs/papers.md.
+//! Weber's law: a change is felt when it exceeds a share of what is there already. So a frame goes out when its signal
+//! has left the band of [`DeadbandSettings::fraction`] around the one last sent, and at the latest after a heartbeat,
+//! so that silence still means silence. Known since [HHCSB08] in docs/papers.md.
 //!
-//! The receiver holds what it got last. What it holds differs from what was left out by less than the band, so the force is off
-//! by less than a hand can tell. Energy is another matter: many small errors add up. No scheme here counts energy by what it holds; cumulative
-//! energies travel with the frames, and what a frame does not vouch for is not spent.
+//! The receiver holds what it got last. What it holds differs from what was left out by less than the band, so the
+//! force is off by less than a hand can tell. Energy is another matter: many small errors add up. No scheme here counts
+//! energy by what it holds; cumulative energies travel with the frames, and what a frame does not vouch for is not
+//! spent.
 //!
 //! Which signal counts is the scheme's to say ([`HandleController::signal`](crate::scheme::HandleController::signal)):
 //! what the other end really works with. Where that end cannot bridge a gap, every frame goes out.
@@ -30,8 +31,8 @@ pub struct DeadbandSettings {
 }
 
 impl Default for DeadbandSettings {
-    /// 7 % is the just noticeable difference of force; the floors are a tenth of the lightest touch and a hundredth of a calm hand's
-    /// speed; the heartbeat lets five frames in a row be lost before a silence of 0.1 s is noticed.
+    /// 7 % is the just noticeable difference of force; the floors are a tenth of the lightest touch and a hundredth of
+    /// a calm hand's speed; the heartbeat lets five frames in a row be lost before a silence of 0.1 s is noticed.
     fn default() -> Self {
         Self {
             fraction: 0.07,
@@ -70,9 +71,9 @@ pub enum DeadbandError {
 /// What a change is a change of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quantity {
-    /// N.
+    /// A force, N.
     Force,
-    /// m/s.
+    /// A velocity, m/s.
     Velocity,
 }
 
@@ -146,7 +147,8 @@ impl Deadband {
         })
     }
 
-    /// Whether the frame of `now` goes out, given its signal; `None` says that every one does. A frame said to go out counts as sent.
+    /// Whether the frame of `now` goes out, given its signal; `None` says that every one does. A frame said to go out
+    /// counts as sent.
     pub fn should_send(&mut self, now: Timestamp, signal: Option<Signal>) -> bool {
         let stays = self.sent.is_some_and(|(at, sent)| {
             now.since(at) < self.settings.heartbeat
@@ -197,7 +199,8 @@ mod tests {
     }
 
     proptest! {
-        /// Whatever the force does, what the receiver holds is within the band of what is, and no pause is longer than the heartbeat.
+        /// Whatever the force does, what the receiver holds is within the band of what is, and no pause is longer than
+        /// the heartbeat.
         #[test]
         fn the_held_force_is_never_off_by_more_than_the_band(
             steps in prop::collection::vec((-0.5..0.5, -0.5..0.5, -0.5..0.5), 1..400)

@@ -1,9 +1,9 @@
-//! Energy as it is counted: tanks that are never overdrawn on purpose, cumulative counters from a peer, and an observer that looks at a
-//! channel from outside.
+//! Energy as it is counted: tanks that are never overdrawn on purpose, cumulative counters from a peer, and an observer
+//! that looks at a channel from outside.
 //!
-//! Positive work goes *into* the channel. Over one tick a force is held while a port moves by a displacement, so the work is their product
-//! and no velocity has to be guessed: at the handle `-felt · d`, at the clay `-f_t · d`. Energies are joules of the handle's port; a
-//! clay's joule is divided by `A_h1 |A_h2|`, the power ratio of the two ports.
+//! Positive work goes *into* the channel. Over one tick a force is held while a port moves by a displacement, so the
+//! work is their product and no velocity has to be guessed: at the handle `-felt · d`, at the clay `-f_t · d`. Energies
+//! are joules of the handle's port; a clay's joule is divided by `A_h1 |A_h2|`, the power ratio of the two ports.
 
 use crate::Vec3;
 
@@ -23,8 +23,8 @@ impl Tank {
         }
     }
 
-    /// Puts energy in, or takes it out where it has already gone: then the level may fall below zero, and what comes next fills the
-    /// hole first. Returns what did not fit, J.
+    /// Puts energy in, or takes it out where it has already gone: then the level may fall below zero, and what comes
+    /// next fills the hole first. Returns what did not fit, J.
     pub fn settle(&mut self, energy_j: f64) -> f64 {
         let level = self.level_j + energy_j;
         self.level_j = level.min(self.most_j);
@@ -42,7 +42,8 @@ impl Tank {
     }
 }
 
-/// Follows a cumulative energy that a peer sends with its frames, newest only. Whatever is lost or overtaken is in the next value.
+/// Follows a cumulative energy that a peer sends with its frames, newest only. Whatever is lost or overtaken is in the
+/// next value.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Counter {
     last_j: Option<f64>,
@@ -52,21 +53,22 @@ impl Counter {
     /// Nothing received yet.
     pub const NEW: Self = Self { last_j: None };
 
-    /// What came since the last value, J. The first value is where counting starts; one below the last says that the peer has started
-    /// anew, and is a start as well.
+    /// What came since the last value, J. The first value is where counting starts; one below the last says that the
+    /// peer has started anew, and is a start as well.
     pub fn increment_j(&mut self, total_j: f64) -> f64 {
         let last = self.last_j.replace(total_j).unwrap_or(total_j);
         (total_j - last).max(0.0)
     }
 }
 
-/// Looks at a channel from outside: what went in at the hand's end less what came out at the clay's, from true displacements.
+/// Looks at a channel from outside: what went in at the hand's end less what came out at the clay's, from true
+/// displacements.
 ///
 /// A passive channel that starts at rest never gives more than it got, so its energy never falls below zero.
 ///
-/// A scheme that reckons with samples sees the power `F v` of an instant. The true work of a tick is `F d`, with `d = v T + a T² / 2` for
-/// an acceleration `a`: sample and truth part by `F a T² / 2`, half a tick of the force's delay. A spring of stiffness `K`
-/// that is reckoned with so seems passive and gives `K v² T / 2` a second.
+/// A scheme that reckons with samples sees the power `F v` of an instant. The true work of a tick is `F d`, with
+/// `d = v T + a T² / 2` for an acceleration `a`: sample and truth part by `F a T² / 2`, half a tick of the force's
+/// delay. A spring of stiffness `K` that is reckoned with so seems passive and gives `K v² T / 2` a second.
 #[derive(Clone, Copy, Debug)]
 pub struct Observer {
     power_ratio: f64,
@@ -155,7 +157,8 @@ mod tests {
         assert_eq!(gained, [0.0, 1.0, 0.0, 0.25]);
     }
 
-    /// A held force on a handle that swings: the work of the samples differs from the true work by the half-tick term and by nothing else.
+    /// A held force on a handle that swings: the work of the samples differs from the true work by the half-tick term
+    /// and by nothing else.
     #[test]
     fn sampled_power_misses_half_a_tick_of_acceleration() {
         const TICK_S: f64 = 1e-3;

@@ -8,9 +8,11 @@
 use crate::Vec3;
 use crate::safety::capped;
 
-/// After a hold the tool returns to the handle's place at this speed at most, m/s: seen coming, and slow enough for any clay here.
+/// After a hold the tool returns to the handle's place at this speed at most, m/s: seen coming, and slow enough for any
+/// clay here.
 pub const RECOVERY_SPEED_M_S: f64 = 0.05;
-/// On the last millimetres the return slows down in proportion to what is left, 1/s. A tool that stopped dead there would jolt the hand.
+/// On the last millimetres the return slows down in proportion to what is left, 1/s. A tool that stopped dead there
+/// would jolt the hand.
 const RECOVERY_PER_S: f64 = 20.0;
 /// The return takes this long to come to speed, s, for the same reason.
 const RECOVERY_RISE_S: f64 = 0.1;
@@ -103,7 +105,8 @@ impl MotionLimiter {
         self.at
     }
 
-    /// The next reference is the first of its kind: what it differs by from the last is no motion. For one tick the tool goes on as it went.
+    /// The next reference is the first of its kind: what it differs by from the last is no motion. For one tick the
+    /// tool goes on as it went.
     pub fn forget_reference(&mut self) {
         self.reference = None;
         self.rise = 0.0;

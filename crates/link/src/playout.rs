@@ -1,19 +1,20 @@
 //! Play-out: frames that come with varying delay leave with a constant one.
 //!
-//! A frame is due a fixed time after its stamp. The stamps are the sender's clock and the due times ours; their difference is the
-//! clocks' offset plus the delay that is aimed at, one number, so no common clock is needed and a clock that runs off is followed like any
-//! other change. Stamps and not sequence numbers tell the order in time: a sender may leave frames out, and its ticks may be late.
+//! A frame is due a fixed time after its stamp. The stamps are the sender's clock and the due times ours; their
+//! difference is the clocks' offset plus the delay that is aimed at, one number, so no common clock is needed and a
+//! clock that runs off is followed like any other change. Stamps and not sequence numbers tell the order in time: a
+//! sender may leave frames out, and its ticks may be late.
 //!
 //! The delay follows the network:
 //!
-//! - A frame that comes too late while nothing newer has been played raises the delay at once, to its own: it is the network that became
-//!   slower, and whatever was missed meanwhile has been missed anyway.
+//! - A frame that comes too late while nothing newer has been played raises the delay at once, to its own: it is the
+//!   network that became slower, and whatever was missed meanwhile has been missed anyway.
 //! - A frame that comes after a newer one was played is a late frame. It is dropped, and the delay grows by one tick.
 //! - When none of [`WINDOW`] frames came within a tick of being late, the delay shrinks by one tick.
 //!
-//! The last two hold the share of late frames near one in [`WINDOW`], whatever the shape of the jitter: a single outlier moves the
-//! delay by a tick, not by its own lateness. Where the delay grows there is a tick with nothing due, where it shrinks one with two frames due;
-//! what that means for what the frames carry is the caller's to decide.
+//! The last two hold the share of late frames near one in [`WINDOW`], whatever the shape of the jitter: a single
+//! outlier moves the delay by a tick, not by its own lateness. Where the delay grows there is a tick with nothing due,
+//! where it shrinks one with two frames due; what that means for what the frames carry is the caller's to decide.
 
 use std::collections::VecDeque;
 
@@ -137,7 +138,8 @@ impl<T> Playout<T> {
         self.waiting.len()
     }
 
-    /// Our time less stamp at which frames are due, s: the delay that is aimed at, plus the offset between the two clocks.
+    /// Our time less stamp at which frames are due, s: the delay that is aimed at, plus the offset between the two
+    /// clocks.
     pub fn offset_s(&self) -> Option<f64> {
         self.offset_ns.map(|ns| ns as f64 * 1e-9)
     }
@@ -248,7 +250,8 @@ mod tests {
             let share = late as f64 / 40_000.0;
             let delay_s = after.offset_s().unwrap() + AHEAD_NS as f64 * 1e-9;
             println!("{distribution:?}: {share} late, delay {delay_s} s");
-            // A line of 100 ms, deviation 25 ms: the one hundred and twenty-eighth part is beyond 2.4 deviations of the normal.
+            // A line of 100 ms, deviation 25 ms: the one hundred and twenty-eighth part is beyond 2.4 deviations of the
+            // normal.
             assert!(share < 1.5 / f64::from(WINDOW), "{distribution:?}: {share}");
             assert!(
                 (0.14..0.22).contains(&delay_s),
@@ -328,7 +331,8 @@ mod tests {
     }
 
     proptest! {
-        /// Whatever comes, nothing is played twice, nothing out of the order of its stamps, and nothing that never came.
+        /// Whatever comes, nothing is played twice, nothing out of the order of its stamps, and nothing that never
+        /// came.
         #[test]
         fn order_holds_whatever_comes(arrivals in prop::collection::vec((0_u64..400, any::<u64>(), any::<bool>()), 1..300)) {
             let mut playout = Playout::new(TICK_S);

@@ -1,8 +1,8 @@
 //! Round trip and clock offset from echoed stamps.
 //!
-//! Each frame carries its sender's stamp, the last stamp the sender got, and how long it held that one. The round trip is then
-//! arithmetic on one clock; no common clock is assumed. The offset between the clocks uses the exchange with the least delay of
-//! the last [`WINDOW`] (the least queueing, hence the least asymmetry) and is slewed, never stepped.
+//! Each frame carries its sender's stamp, the last stamp the sender got, and how long it held that one. The round trip
+//! is then arithmetic on one clock; no common clock is assumed. The offset between the clocks uses the exchange with
+//! the least delay of the last [`WINDOW`] (the least queueing, hence the least asymmetry) and is slewed, never stepped.
 
 use std::time::Duration;
 
@@ -21,7 +21,8 @@ struct Exchange {
     offset_ns: f64,
 }
 
-/// Round trip of one exchange: a stamp of ours that came back at `now`, after the peer had held it. `None` without a stamp.
+/// Round trip of one exchange: a stamp of ours that came back at `now`, after the peer had held it. `None` without a
+/// stamp.
 pub fn of_exchange(now: Timestamp, echo_ns: u64, echo_hold_ns: u32) -> Option<Duration> {
     if echo_ns == 0 {
         return None;
@@ -45,8 +46,8 @@ pub struct RoundTrip {
 
 impl RoundTrip {
     /// A frame came at `now`. `sent_ns` is the peer's stamp; `echo_ns` our own stamp it got last (0 for none) and
-    /// `echo_hold_ns` how long it had held it. Call for frames that are newer than all before. Returns the round trip if the
-    /// frame completes one.
+    /// `echo_hold_ns` how long it had held it. Call for frames that are newer than all before. Returns the round trip
+    /// if the frame completes one.
     pub fn on_frame(
         &mut self,
         now: Timestamp,
@@ -161,7 +162,8 @@ mod tests {
             Timestamp::from_nanos(t + self.offset + (t as f64 * self.ppm * 1e-6) as u64)
         }
 
-        /// One frame up (taking `up` ns) and one back (taking `down`), starting at true time `t`, held `hold` ns between.
+        /// One frame up (taking `up` ns) and one back (taking `down`), starting at true time `t`, held `hold` ns
+        /// between.
         fn exchange(&mut self, t: u64, up: u64, hold: u64, down: u64) -> Option<Duration> {
             let (echo, held) = self.here.echo(Timestamp::from_nanos(t));
             self.there.on_frame(self.peer_clock(t + up), t, echo, held);

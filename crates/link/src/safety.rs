@@ -1,7 +1,8 @@
-//! Safety, whatever the scheme: one place where input is checked, one where silence is noticed, one that every force passes.
+//! Safety, whatever the scheme: one place where input is checked, one where silence is noticed, one that every force
+//! passes.
 //!
-//! - [`check`] is the only way in for numbers that come from outside the process: a value that is not finite, or greater
-//!   than what it measures ever is, names its field and ends in a fault.
+//! - [`check`] is the only way in for numbers that come from outside the process: a value that is not finite, or
+//!   greater than what it measures ever is, names its field and ends in a fault.
 //! - [`Watchdog`] turns silence, and a line that delivers what had queued up, into a gain that ramps to 0, and a return
 //!   into one that ramps to 1.
 //! - [`ForceLimiter`] bounds the force and its slope; what leaves it is finite.
@@ -48,7 +49,7 @@ pub enum Measure {
     Position,
     /// Metres a second.
     Velocity,
-    /// Newtons.
+    /// A force in newtons.
     Force,
     /// A wave, √W: what force and velocity at their bounds come to at any impedance.
     Wave,
@@ -198,8 +199,8 @@ impl ForceLimiter {
         }
     }
 
-    /// The force to apply for one tick of `tick_s` when `wanted` is asked for: bounded, slew-limited, finite. A force that is not
-    /// finite counts as zero force.
+    /// The force to apply for one tick of `tick_s` when `wanted` is asked for: bounded, slew-limited, finite. A force
+    /// that is not finite counts as zero force.
     pub fn step(&mut self, wanted: Vec3, tick_s: f64) -> Vec3 {
         let wanted = if wanted.iter().all(|f| f.is_finite()) {
             wanted

@@ -210,8 +210,8 @@ impl Intent {
         }
     }
 
-    /// Muscle force `u_h`, N, at `t_s` for a handle at `position` moving at `velocity`. `arm` is stiffness and damping of the
-    /// arm itself, which a person who moves on purpose has learnt to overcome.
+    /// Muscle force `u_h`, N, at `t_s` for a handle at `position` moving at `velocity`. `arm` is stiffness and damping
+    /// of the arm itself, which a person who moves on purpose has learnt to overcome.
     pub(crate) fn muscle_force(
         &self,
         t_s: f64,

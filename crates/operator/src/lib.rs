@@ -1,7 +1,7 @@
 //! The simulated person and handle: the paper's identified servo `G_h` and arm `T_h`, and intents that drive them.
 //!
-//! Source: [KHMH03] (16)–(19), (35)–(37) in docs/papers.md. SI units throughout; a position is the handle's displacement from
-//! its home.
+//! Source: [KHMH03] (16)–(19), (35)–(37) in docs/papers.md. SI units throughout; a position is the handle's
+//! displacement from its home.
 //!
 //! ```text
 //!   intent ──u_h──> (+) ──f_h──> force sensor          f_h = u_h - T_h y_h
@@ -9,9 +9,9 @@
 //!                   T_h <──y_h── G_h <──v_h── controller
 //! ```
 //!
-//! The handle is not back-drivable: it moves only as its position command `v_h` says, and the hand's force reaches the loop
-//! through the sensor alone. [`SimulatedHandle`] is that and no more; [`RobotHandle`] does it with the joints of the parallel robot
-//! and their limits.
+//! The handle is not back-drivable: it moves only as its position command `v_h` says, and the hand's force reaches the
+//! loop through the sensor alone. [`SimulatedHandle`] is that and no more; [`RobotHandle`] does it with the joints of
+//! the parallel robot and their limits.
 
 mod intent;
 mod path;

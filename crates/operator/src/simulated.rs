@@ -1,8 +1,8 @@
 //! The simulated handle: servo `G_h` and arm `T_h` on each axis, driven by an intent.
 //!
 //! Both plants share one state, sampled with a zero-order hold: position `G_h v`, velocity `s G_h v` and the arm's pull
-//! `T_h G_h v` belong to one motion. The arm's pull has a direct term (900 N/m for the x servo); the sensor is read before the new
-//! command takes hold, so it sees the command of the tick before, as a real sensor would.
+//! `T_h G_h v` belong to one motion. The arm's pull has a direct term (900 N/m for the x servo); the sensor is read
+//! before the new command takes hold, so it sees the command of the tick before, as a real sensor would.
 
 use teleclay_control::{
     DiscreteStateSpace, DiscretiseError, Polynomial, PolynomialError, State, StateSpace,

@@ -28,8 +28,8 @@ fn figure(t_s: f64) -> [f64; 3] {
     ]
 }
 
-/// Where nothing limits it, the robot is the paper's handle: the same places to 1e-9 m, and the force of an arm, `-(0.25 a + 2 v + 6 x)`,
-/// that moves as that handle does, half a tick late as differences are.
+/// Where nothing limits it, the robot is the paper's handle: the same places to 1e-9 m, and the force of an arm,
+/// `-(0.25 a + 2 v + 6 x)`, that moves as that handle does, half a tick late as differences are.
 #[test]
 fn a_robot_with_room_is_the_papers_handle() {
     let mut robot = robot(Intent::Idle);
@@ -61,9 +61,9 @@ fn a_robot_with_room_is_the_papers_handle() {
     assert!(0.3 < strongest, "the arm hardly pulled: {strongest} N");
 }
 
-/// Power is equal at both ends, `tau . rho_dot = F . X_dot`: what the servos put into the joints beyond the arms' own energy arrives at
-/// the hand, with the hand's travel taken from differences of the platform's place and the force from the sensor. Once under a steady
-/// force, once with an arm whose mass has to be swung round.
+/// Power is equal at both ends, `tau . rho_dot = F . X_dot`: what the servos put into the joints beyond the arms' own
+/// energy arrives at the hand, with the hand's travel taken from differences of the platform's place and the force from
+/// the sensor. Once under a steady force, once with an arm whose mass has to be swung round.
 #[test]
 fn power_at_the_joints_is_power_at_the_hand() {
     let push = [6.0, -4.0, 8.0];
@@ -99,8 +99,9 @@ fn power_at_the_joints_is_power_at_the_hand() {
     }
 }
 
-/// Where the arm's mass is swung round, the servos push it as mechanics says: `tau = I rho_ddot + J^T (m X_ddot - f_0)`, with the joints' rates and the
-/// platform's places as they were, differentiated here. A term of the acceleration is the turning of `J`; the faster the figure, the more of it.
+/// Where the arm's mass is swung round, the servos push it as mechanics says:
+/// `tau = I rho_ddot + J^T (m X_ddot - f_0)`, with the joints' rates and the platform's places as they were,
+/// differentiated here. A term of the acceleration is the turning of `J`; the faster the figure, the more of it.
 #[test]
 fn an_arm_that_is_swung_round_weighs_on_the_joints_by_its_true_acceleration() {
     const ARM_KG: f64 = 0.25;
@@ -180,8 +181,8 @@ impl Loop {
     }
 }
 
-/// A hand pushes from home towards the edge of reach until the robot holds it, and then pulls back. Returns how it was held and how far
-/// it came back.
+/// A hand pushes from home towards the edge of reach until the robot holds it, and then pulls back. Returns how it was
+/// held and how far it came back.
 fn push_out_and_pull_back(push: Vec3) -> (RobotState, f64) {
     let mut robot = robot(Intent::constant_force(push.into()).unwrap());
     let mut outer = Loop::default();
@@ -242,7 +243,8 @@ fn near_a_singularity_the_robot_resists_and_says_so_and_lets_go_when_pulled_back
     }
 }
 
-/// The spring of the fence balances the hand: the loop feels no force in the end, and its setpoint lies beyond by force over stiffness.
+/// The spring of the fence balances the hand: the loop feels no force in the end, and its setpoint lies beyond by force
+/// over stiffness.
 #[test]
 fn resistance_balances_the_hand() {
     let push = Vec3::new(0.0, 0.0, 6.0);
@@ -278,8 +280,8 @@ fn intents() -> impl Strategy<Value = Intent> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
 
-    /// Whatever is commanded and however strong the hand: speed, torque and stops are kept, the branch never changes, joints and place
-    /// never jump, and every figure is a number.
+    /// Whatever is commanded and however strong the hand: speed, torque and stops are kept, the branch never changes,
+    /// joints and place never jump, and every figure is a number.
     #[test]
     fn limits_hold_whatever_comes(
         intent in intents(),
@@ -314,8 +316,8 @@ proptest! {
     }
 }
 
-/// A hand stronger than the servos moves them, towards the stops and not through them; when it lets go, the robot goes back to where it
-/// was sent.
+/// A hand stronger than the servos moves them, towards the stops and not through them; when it lets go, the robot goes
+/// back to where it was sent.
 #[test]
 fn a_hand_stronger_than_the_servos_moves_them() {
     let mut robot = robot(Intent::sensor_force([0.0, 0.0, 200.0]).unwrap());

@@ -3,7 +3,8 @@
 use serde::{Deserialize, Serialize};
 use teleclay_proto::http::{ClayReset, FieldError, SessionPatch};
 
-/// Something that a session is asked to do: at once the body of an HTTP call, a text of a WebSocket and a query on Zenoh.
+/// Something that a session is asked to do: at once the body of an HTTP call, a text of a WebSocket and a query on
+/// Zenoh.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "command", rename_all = "snake_case")]
 #[expect(

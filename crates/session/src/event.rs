@@ -1,4 +1,5 @@
-//! What a session tells of itself. Every change is told exactly once, after it was made; [`Snapshot::apply`] makes the state of it again.
+//! What a session tells of itself. Every change is told exactly once, after it was made; [`Snapshot::apply`] makes the
+//! state of it again.
 
 use std::sync::Arc;
 

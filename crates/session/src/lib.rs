@@ -1,4 +1,5 @@
-//! One session as a pure machine: a block of clay, the tools that cut it, who holds them, and the conditioned line to each.
+//! One session as a pure machine: a block of clay, the tools that cut it, who holds them, and the conditioned line to
+//! each.
 //!
 //! | module | holds |
 //! |---|---|
@@ -9,10 +10,11 @@
 //! | [`settings`] | what a session was told to be, and the loop parameters that follow |
 //! | [`rules`] | who gets which tool, and when a lease ends |
 //!
-//! REST, WebSocket texts and Zenoh queries all speak [`Command`]; logs, watchers and metrics all hear [`Event`]s. Neither knows a rule.
+//! REST, WebSocket texts and Zenoh queries all speak [`Command`]; logs, watchers and metrics all hear [`Event`]s.
+//! Neither knows a rule.
 //!
-//! *Architecture invariant*: a command is carried out in one tick under one revision, or it changes nothing at all. `now` is an argument; the same
-//! commands and frames at the same times give the same bits.
+//! *Architecture invariant*: a command is carried out in one tick under one revision, or it changes nothing at all.
+//! `now` is an argument; the same commands and frames at the same times give the same bits.
 
 pub mod command;
 pub mod event;

@@ -1,7 +1,8 @@
 //! What a command needs built before the tick, and what it leaves to be dropped after it.
 //!
-//! A tick neither allocates nor drops what is large. So whoever has a command for a session makes it a [`Prepared`] first, on a thread that may take its
-//! time; the tick exchanges what was built for what it replaces; and the same [`Prepared`] carries that away again.
+//! A tick neither allocates nor drops what is large. So whoever has a command for a session makes it a [`Prepared`]
+//! first, on a thread that may take its time; the tick exchanges what was built for what it replaces; and the same
+//! [`Prepared`] carries that away again.
 
 use std::sync::Arc;
 
@@ -111,7 +112,8 @@ impl Prepared {
         })
     }
 
-    /// A fresh block that the caller has made, with the settings that hold from then on, made from those of revision `prepared_from`.
+    /// A fresh block that the caller has made, with the settings that hold from then on, made from those of revision
+    /// `prepared_from`.
     ///
     /// # Errors
     /// The settings make no loop.
@@ -133,7 +135,8 @@ impl Prepared {
         })
     }
 
-    /// A tool for an operator, with a tool side that the caller has made. With `prepared_from`, it is refused once the settings have changed since.
+    /// A tool for an operator, with a tool side that the caller has made. With `prepared_from`, it is refused once the
+    /// settings have changed since.
     pub fn join(operator: &Operator, side: ToolSide, prepared_from: Option<u64>) -> Self {
         Self {
             prepared_from,
@@ -145,8 +148,8 @@ impl Prepared {
         }
     }
 
-    /// The fresh block that the command brings, if it brings one, and the settings that come with it. Once it was carried out, these are what it has
-    /// replaced.
+    /// The fresh block that the command brings, if it brings one, and the settings that come with it. Once it was
+    /// carried out, these are what it has replaced.
     pub fn fresh(&self) -> Option<(&Settings, &Clay)> {
         match &self.parts {
             Parts::Reset(reset) => Some((&reset.settings, &reset.clay)),

@@ -114,7 +114,8 @@ impl Session {
         }
     }
 
-    /// Carries a command out, or leaves everything as it is. Either way `prepared` then holds what is to be dropped elsewhere.
+    /// Carries a command out, or leaves everything as it is. Either way `prepared` then holds what is to be dropped
+    /// elsewhere.
     ///
     /// # Errors
     /// Why the command was refused. Nothing has changed then, and no event is told.
@@ -176,7 +177,8 @@ impl Session {
         }
     }
 
-    /// A frame from the handle of the tool in `slot` entered the line. What comes for a slot that does not exist, or that nobody holds, is dropped.
+    /// A frame from the handle of the tool in `slot` entered the line. What comes for a slot that does not exist, or
+    /// that nobody holds, is dropped.
     pub fn handle_frame(&mut self, now: Timestamp, slot: usize, frame: &HandleFrame) {
         if let Some(slot) = self.slots.get_mut(slot)
             && slot.holder.is_some()
@@ -434,7 +436,8 @@ impl Session {
         self.relay_from(number, is_led);
     }
 
-    /// Tells every copy what the tool at `number` has cut, but for the one that led it there: that one has cut it first.
+    /// Tells every copy what the tool at `number` has cut, but for the one that led it there: that one has cut it
+    /// first.
     fn relay_from(&mut self, number: usize, is_led: bool) {
         if self.cuts.is_empty() {
             return;
@@ -484,7 +487,8 @@ impl Session {
     /// A new revision, with these settings from it on. `settings` gets those before.
     fn next_revision_with(&mut self, settings: &mut Arc<Settings>) -> Generation {
         self.revision += 1;
-        // Whoever prepared the settings does not know under which revision they come to hold, and nobody else has them yet.
+        // Whoever prepared the settings does not know under which revision they come to hold, and nobody else has them
+        // yet.
         if let Some(settings) = Arc::get_mut(settings) {
             settings.revision = self.revision;
         }

@@ -64,7 +64,8 @@ impl Settings {
     /// The settings after `patch`.
     ///
     /// # Errors
-    /// A field of the patch, or what the patch makes of a field, is out of its range. All of the patch is checked before any of it counts.
+    /// A field of the patch, or what the patch makes of a field, is out of its range. All of the patch is checked
+    /// before any of it counts.
     pub fn patched(&self, patch: &SessionPatch) -> Result<Self, SettingsError> {
         patch.validate()?;
         let mut next = self.clone();
@@ -166,8 +167,8 @@ fn proven_tool(raw: &ToolDescription) -> Result<teleclay_clay::ToolShape, FieldE
     tool_shape(raw).map_err(|error| FieldError::new("/tool", error.to_string()))
 }
 
-/// Where the handle's home maps to, and how far the tool may go: over the middle of a block with the tool just touching it; before the first step of a
-/// stepped block with the blade's leading face at x = 0.
+/// Where the handle's home maps to, and how far the tool may go: over the middle of a block with the tool just touching
+/// it; before the first step of a stepped block with the blade's leading face at x = 0.
 fn parameters(spec: &NewSession) -> LoopParameters {
     let size = spec.clay.shape.size_m();
     let (lowest_m, half_depth_m) = match spec.tool {

@@ -1,7 +1,7 @@
 //! A million random commands and frames, good ones and bad ones: whatever comes, the session keeps its promises.
 //!
-//! A twin session gets the same frames at the same times, and only the commands that the first one carried out. The two stay equal to the last bit, so a
-//! refused command has changed nothing.
+//! A twin session gets the same frames at the same times, and only the commands that the first one carried out. The two
+//! stay equal to the last bit, so a refused command has changed nothing.
 
 mod bench;
 

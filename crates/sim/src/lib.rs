@@ -1,4 +1,5 @@
-//! The loop on virtual time: a simulated person, both sides of the loop, a session and the lines between them, as fast as the machine goes.
+//! The loop on virtual time: a simulated person, both sides of the loop, a session and the lines between them, as fast
+//! as the machine goes.
 //!
 //! | item | is |
 //! |---|---|

@@ -1,8 +1,9 @@
 //! The naive wall across a network: the measuring stick for every claim about delay.
 //!
-//! A mass with damping, held by nobody, touches a spring on the far side. Its position goes up the line each tick, the spring's force comes down
-//! and is held until the next one. Nothing compensates the delay, so the loop turns unstable at a stiffness that is known in closed form
-//! (`teleclay_control` has it); a simulator that turns unstable elsewhere is wrong, and so would be its every other figure.
+//! A mass with damping, held by nobody, touches a spring on the far side. Its position goes up the line each tick, the
+//! spring's force comes down and is held until the next one. Nothing compensates the delay, so the loop turns unstable
+//! at a stiffness that is known in closed form (`teleclay_control` has it); a simulator that turns unstable elsewhere
+//! is wrong, and so would be its every other figure.
 
 use std::time::Duration;
 
@@ -24,7 +25,8 @@ pub struct WallSetup {
     pub down: Impairment,
 }
 
-/// Measures, to 0.1 %, the stiffness at which the delayed wall turns unstable, N/m: between `at_least`, stable, and `at_most`, unstable.
+/// Measures, to 0.1 %, the stiffness at which the delayed wall turns unstable, N/m: between `at_least`, stable, and
+/// `at_most`, unstable.
 pub fn measured_critical_stiffness(setup: &WallSetup, at_least: f64, at_most: f64) -> f64 {
     let (mut stable, mut unstable) = (at_least, at_most);
     while 1.001 * stable < unstable {
@@ -38,8 +40,8 @@ pub fn measured_critical_stiffness(setup: &WallSetup, at_least: f64, at_most: f6
     (stable * unstable).sqrt()
 }
 
-/// Whether a wall of this stiffness builds up a swing from a small push: the energy of the last sixth of a long run against that of the
-/// second.
+/// Whether a wall of this stiffness builds up a swing from a small push: the energy of the last sixth of a long run
+/// against that of the second.
 pub fn grows(setup: &WallSetup, stiffness_n_per_m: f64) -> bool {
     // Long enough for three hundred swings of the undelayed wall, and never less than a minute.
     let period_s = std::f64::consts::TAU * (setup.mass_kg / stiffness_n_per_m).sqrt();

@@ -1,4 +1,5 @@
-//! The cutting experiment through the clay, against the formula, against a simulation made elsewhere, and where it must refuse.
+//! The cutting experiment through the clay, against the formula, against a simulation made elsewhere, and where it must
+//! refuse.
 
 use std::ops::ControlFlow;
 
@@ -42,8 +43,8 @@ fn the_experiment_of_figure_7_gives_its_plateaus() {
     assert_eq!(outcome.trace.t_s.len(), ticks + 1);
 }
 
-/// Experiments solved elsewhere, from the equations alone and by another method: it knows no clay, no voxels and no sampled loop
-/// (tests/python/references.py).
+/// Experiments solved elsewhere, from the equations alone and by another method: it knows no clay, no voxels and no
+/// sampled loop (tests/python/references.py).
 #[test]
 fn experiments_agree_with_the_reference() {
     let cases: Value = serde_json::from_str(include_str!("reference/cutting.json")).unwrap();
@@ -76,8 +77,9 @@ fn experiments_agree_with_the_reference() {
 
 /// Slowest decay of the loop in a range, 1/s, but for the servo's pole near -1/18: a zero all but cancels it.
 ///
-/// Sampling holds the clay's force back by a tick, half of it for the position that is held and half for the velocity, which is a difference. Where the
-/// loop rings that costs most of its damping: at 71 rad/s, 2.25 1/s without the tick are 0.87 with it.
+/// Sampling holds the clay's force back by a tick, half of it for the position that is held and half for the velocity,
+/// which is a difference. Where the loop rings that costs most of its damping: at 71 rad/s, 2.25 1/s without the tick
+/// are 0.87 with it.
 fn decay_per_s(inputs: &CuttingInputs, range: usize) -> f64 {
     const HALF_TICK_S: f64 = 0.5e-3;
     let of = |coefficients: &[f64]| Polynomial::new(coefficients).unwrap();
@@ -139,7 +141,8 @@ prop_compose! {
     }
 }
 
-/// Every range's velocity is the formula's and steady, within 2 %, and the clay that gave it is the clay that was asked for.
+/// Every range's velocity is the formula's and steady, within 2 %, and the clay that gave it is the clay that was asked
+/// for.
 fn check_plateaus(inputs: &CuttingInputs, experiment: &CuttingExperiment) -> Result<(), String> {
     let outcome = experiment
         .run(|_| ControlFlow::Continue(()))
@@ -158,7 +161,8 @@ fn check_plateaus(inputs: &CuttingInputs, experiment: &CuttingExperiment) -> Res
             format!("range {range}: {plateau:?} for {wanted} m/s"),
         )?;
         require(plateau.ripple < 0.02, format!("range {range}: {plateau:?}"))?;
-        // B_i is not typed in: it is what the blade engages, as well as voxels and the rows of points that feel them can show it.
+        // B_i is not typed in: it is what the blade engages, as well as voxels and the rows of points that feel them
+        // can show it.
         let wanted_m2 = specimen.blade.width_m * specimen.depths_of_cut_m[range];
         let allowed_m2 = specimen.blade.width_m * specimen.depth_error_m(range);
         let felt_m2 = plateau.engaged_area_m2;
@@ -197,8 +201,8 @@ proptest! {
         ..ProptestConfig::default()
     })]
 
-    /// Any masses, dampings, ratios and forces, rising or falling steps of any depth: where the transient has room to die out, the
-    /// velocity is the formula's, and it is steady.
+    /// Any masses, dampings, ratios and forces, rising or falling steps of any depth: where the transient has room to
+    /// die out, the velocity is the formula's, and it is steady.
     #[test]
     fn every_plateau_that_can_be_reached_is_the_formulas(inputs in experiments()) {
         prop_assume!(settles(&inputs));
@@ -208,7 +212,8 @@ proptest! {
     }
 }
 
-/// Steps of very different heights make a tall blade, on which the rows of points that feel clay stand further apart than half a voxel.
+/// Steps of very different heights make a tall blade, on which the rows of points that feel clay stand further apart
+/// than half a voxel.
 #[test]
 fn a_tall_blade_shows_a_shallow_step_within_what_it_promises() {
     for (virtual_mass_kg, virtual_damping_n_s_per_m, position_ratio, force_ratio) in [
@@ -233,8 +238,8 @@ fn a_tall_blade_shows_a_shallow_step_within_what_it_promises() {
     }
 }
 
-/// Close to where sampling alone makes it swing, a loop takes three times as long to settle as the same loop without a tick: such a range is too short for a
-/// plateau, and the run says so by its ripple.
+/// Close to where sampling alone makes it swing, a loop takes three times as long to settle as the same loop without a
+/// tick: such a range is too short for a plateau, and the run says so by its ripple.
 #[test]
 fn a_range_too_short_to_settle_in_is_told_by_the_sampled_loop() {
     let inputs = CuttingInputs {
@@ -321,8 +326,8 @@ fn through_the_arm_the_plateaus_lean() {
     let trace = &outcome.trace;
     for plateau in &outcome.plateaus {
         let middle_m = 0.5 * (plateau.window_m[0] + plateau.window_m[1]);
-        // The sensor is read while the last command still holds, half a tick of motion behind: by the 900 N/m of the arm's direct term
-        // that hides 0.45 N s/m of the arm's 2.
+        // The sensor is read while the last command still holds, half a tick of motion behind: by the 900 N/m of the
+        // arm's direct term that hides 0.45 N s/m of the arm's 2.
         let arm_n = 6.0 * (middle_m - 0.03) + (2.0 - 0.45) * plateau.measured_m_s;
         assert!(
             off_by(plateau.hand_force_n, 3.0 - arm_n) < 0.01,
@@ -351,8 +356,9 @@ fn a_gap_in_the_clay_lets_the_hand_go() {
     assert!(off_by(outcome.plateaus[2].measured_m_s, 2.0 / 37.5) < 0.02);
 }
 
-/// The most damping that a handle bears, against the roots of the sampled loop `1 + rho B C_h1(z) G_hx(z) (1 - 1/z) / T`, found with
-/// numpy; and a run close to it, 20 times as long as a swing takes to build up, that stays a run.
+/// The most damping that a handle bears, against the roots of the sampled loop
+/// `1 + rho B C_h1(z) G_hx(z) (1 - 1/z) / T`, found with numpy; and a run close to it, 20 times as long as a swing
+/// takes to build up, that stays a run.
 #[test]
 fn the_loop_bears_what_the_analysis_says() {
     for (virtual_mass_kg, virtual_damping_n_s_per_m, most) in [

@@ -39,8 +39,8 @@ fn on_a_fresh_block_the_tool_begins_where_its_handle_is() {
     }
 }
 
-/// The hand pushes, the line dies, the hand lets go, the line comes back. The push that was the last word for a second is over: whatever of it a model of the
-/// handle still has must have come to rest meanwhile.
+/// The hand pushes, the line dies, the hand lets go, the line comes back. The push that was the last word for a second
+/// is over: whatever of it a model of the handle still has must have come to rest meanwhile.
 #[test]
 fn a_push_from_before_an_outage_is_not_carried_out_after_it() {
     let push = |force_n| Intent::sensor_force([force_n, 0.0, 0.0]).unwrap();

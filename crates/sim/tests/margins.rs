@@ -1,7 +1,8 @@
 //! The schemes that have a delay margin lose their stability where theory says, on the whole rig with real clay.
 //!
-//! A blade wholly inside the block is pushed a little and let go. As long as it swings by far less than a voxel, the clay on both its sides resists
-//! like a linear damper or spring, so the loop is the one that `teleclay_control` reckons with, but for the tick:
+//! A blade wholly inside the block is pushed a little and let go. As long as it swings by far less than a voxel, the
+//! clay on both its sides resists like a linear damper or spring, so the loop is the one that `teleclay_control`
+//! reckons with, but for the tick:
 //!
 //! | in the rig | adds to the round trip |
 //! |---|---|
@@ -9,12 +10,12 @@
 //! | the tool stands at the reference of a tick at its end, and the frame with the clay's answer is taken in at the next | `T` |
 //! | its velocity is a difference of two places | `T / 2`, for the viscous part |
 //!
-//! So with clay whose exact margin is a little more than the line's round trip and those two ticks the loop has to calm down, and with
-//! clay whose margin is a little less it has to swing up.
+//! So with clay whose exact margin is a little more than the line's round trip and those two ticks the loop has to calm
+//! down, and with clay whose margin is a little less it has to swing up.
 //!
-//! In force exchange each side feels its own plant without the line, and the tick is in those loops, too: `T / 2` in the hand's, `T / 2` for the command that is
-//! held and `T / 2` for the velocity in the clay's. Its model of the handle looks one tick ahead, so the frame's tick is not lost. With
-//! `H' = H exp(-s T/2)` and `E' = E exp(-s T)` its loop is
+//! In force exchange each side feels its own plant without the line, and the tick is in those loops, too: `T / 2` in
+//! the hand's, `T / 2` for the command that is held and `T / 2` for the velocity in the clay's. Its model of the handle
+//! looks one tick ahead, so the frame's tick is not lost. With `H' = H exp(-s T/2)` and `E' = E exp(-s T)` its loop is
 //!
 //! ```text
 //! (1 + E') (1 + H') - H' E' exp(-s d) = 0        d the line's round trip, and nothing else
@@ -128,7 +129,8 @@ impl Case {
         embedded(parameters, Intent::Idle, clay, lines)
     }
 
-    /// Whether a small push builds up a swing. What swings is told from slow drift by how much the velocity changes in a tenth of a second.
+    /// Whether a small push builds up a swing. What swings is told from slow drift by how much the velocity changes in
+    /// a tenth of a second.
     fn grows(&self, scheme: Scheme, clay_damping_n_s_per_m: f64) -> bool {
         let mut rig = self.rig(scheme, clay_damping_n_s_per_m);
         let mut push = [0.0; 3];
@@ -157,7 +159,8 @@ impl Case {
             swing
         };
         let early = swing_over(8);
-        // Beyond a tenth of a voxel the blade moves in the gap that it has pressed open, and what it does there says nothing.
+        // Beyond a tenth of a voxel the blade moves in the gap that it has pressed open, and what it does there says
+        // nothing.
         assert!(early < 2e-3, "no small swing: {early} m/s");
         swing_over(4);
         let late = swing_over(8);

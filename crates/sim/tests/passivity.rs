@@ -1,7 +1,8 @@
-//! Energy of the channel, seen from outside: what the hand put in, less what came out at the clay, from true displacements.
+//! Energy of the channel, seen from outside: what the hand put in, less what came out at the clay, from true
+//! displacements.
 //!
-//! `wave` and `tdpa` may never give more than they got, whatever the line, the clay and the hand do. `position_force` has to be caught
-//! giving: an observer that never sees anything proves nothing.
+//! `wave` and `tdpa` may never give more than they got, whatever the line, the clay and the hand do. `position_force`
+//! has to be caught giving: an observer that never sees anything proves nothing.
 
 #![allow(
     clippy::print_stdout,
@@ -310,7 +311,8 @@ fn leaving_frames_out_makes_no_energy() {
     }
 }
 
-/// A hand that pushes against a spring and lets go gets back what the spring gives, not more: the sum over a whole visit is positive as well.
+/// A hand that pushes against a spring and lets go gets back what the spring gives, not more: the sum over a whole
+/// visit is positive as well.
 #[test]
 fn a_spring_gives_back_no_more_than_it_took() {
     for scheme in [Scheme::Wave, Scheme::Tdpa] {

@@ -30,8 +30,9 @@ fn in_air() -> Intent {
     Intent::trajectory(&legs).unwrap()
 }
 
-/// The shallowest cut of the paper's experiment, 20 N s/m: there cutting is steady under every scheme over the lines here. In thicker clay `tdpa` takes
-/// the force away and gives it back a few times a second, and no signal stays within a band.
+/// The shallowest cut of the paper's experiment, 20 N s/m: there cutting is steady under every scheme over the lines
+/// here. In thicker clay `tdpa` takes the force away and gives it back a few times a second, and no signal stays within
+/// a band.
 const CLAY_PA_S_PER_M: f64 = 2e5 / 3.0;
 
 /// A steady hand, as in the paper's experiment: it comes to 23 mm/s.
@@ -142,13 +143,14 @@ fn the_force_is_off_by_less_than_the_band() {
             held.worst
         );
     }
-    // The wave that comes down, as the force that it is: at the hand a change of it shows in full, beside what the line carries. That is what the clay resists
-    // with and what speeds the tool's mass up.
+    // The wave that comes down, as the force that it is: at the hand a change of it shows in full, beside what the line
+    // carries. That is what the clay resists with and what speeds the tool's mass up.
     let (mut rig, mut held) = (cut(Scheme::Wave), Held::new());
     let parameters = LoopParameters::default();
     let root = (2.0 * parameters.wave_impedance_n_s_per_m).sqrt();
     let mut velocity = Vec3::zeros();
-    // Until shortly before the blade comes out of the block: there the force drops within a tick, and the mass is driven by what was foreseen.
+    // Until shortly before the blade comes out of the block: there the force drops within a tick, and the mass is
+    // driven by what was foreseen.
     for _ in 0..2700 {
         rig.tick();
         let view = rig.tool().view();
@@ -202,7 +204,8 @@ fn steady_cutting_feels_the_same() {
     }
 }
 
-/// A hand that swings: its frames come in steps, and the tool still goes smoothly, at the hand's speed to the band and where the hand is.
+/// A hand that swings: its frames come in steps, and the tool still goes smoothly, at the hand's speed to the band and
+/// where the hand is.
 #[test]
 fn position_force_bridges_what_is_left_out_without_a_blow() {
     let swing = Intent::sinusoid([1.5, 0.0, 0.0], 1.0).unwrap();
@@ -240,8 +243,9 @@ fn position_force_bridges_what_is_left_out_without_a_blow() {
     );
 }
 
-/// The share is changed while the tool cuts, at the tool's side first: the handle hears of it a delay later, and asks for it, and leaves frames out
-/// until then. The tool goes on as if nothing had been said. So it does where the same is said again.
+/// The share is changed while the tool cuts, at the tool's side first: the handle hears of it a delay later, and asks
+/// for it, and leaves frames out until then. The tool goes on as if nothing had been said. So it does where the same is
+/// said again.
 #[test]
 fn changing_the_deadband_of_position_force_does_not_move_the_tool() {
     for (from, to) in [(0.07, 0.0), (0.07, 0.07), (0.2, 0.02), (0.0, 0.07)] {
@@ -299,7 +303,8 @@ fn changing_the_deadband_of_position_force_does_not_move_the_tool() {
     }
 }
 
-/// Likewise where the scheme comes in with a deadband that is there already: it goes on at the speed told last, although the next frame is a while off.
+/// Likewise where the scheme comes in with a deadband that is there already: it goes on at the speed told last,
+/// although the next frame is a while off.
 #[test]
 fn position_force_takes_over_a_moving_tool_with_frames_left_out() {
     let mut rig = sparing(embedded(
@@ -321,7 +326,8 @@ fn position_force_takes_over_a_moving_tool_with_frames_left_out() {
     assert!(0.8 * speed < slowest);
 }
 
-/// A tool that follows a hand through the air under position-force, at full speed, with frames left out and a share of the others lost.
+/// A tool that follows a hand through the air under position-force, at full speed, with frames left out and a share of
+/// the others lost.
 fn gliding(loss: f64, seed: u64) -> Rig {
     let mut rig = sparing(carving(
         running(Scheme::PositionForce),
@@ -347,7 +353,8 @@ fn position_force_begins_at_the_hand_on_a_fresh_block_with_frames_left_out() {
     assert!(apart_m < 1e-9, "{apart_m} m apart");
 }
 
-/// A frame that says that the hand has stopped is lost like any other: the tool goes on by two gaps at most, and comes back to the hand.
+/// A frame that says that the hand has stopped is lost like any other: the tool goes on by two gaps at most, and comes
+/// back to the hand.
 #[test]
 fn position_force_overruns_a_lost_stop_by_little_and_comes_back() {
     for seed in 0..20 {
@@ -368,7 +375,8 @@ fn position_force_overruns_a_lost_stop_by_little_and_comes_back() {
     }
 }
 
-/// Where nothing comes at all, a tool that bridges gaps comes to rest after two of them, long before the silence is one.
+/// Where nothing comes at all, a tool that bridges gaps comes to rest after two of them, long before the silence is
+/// one.
 #[test]
 fn position_force_does_not_run_away_on_a_dead_line() {
     let mut rig = gliding(0.0, 1);

@@ -123,8 +123,8 @@ fn the_cutting_experiment_reaches_the_papers_plateaus() {
         rig.tick();
         let sample = rig.device().sample();
         let (x, v) = (sample.position_m[0], sample.velocity_m_s[0]);
-        // The last part of each range, short of the look-ahead at its end. Before it the servo's lag swings out: at 60 N s/m its
-        // closed-loop poles leave a tenth of the step after 9 mm.
+        // The last part of each range, short of the look-ahead at its end. Before it the servo's lag swings out: at 60
+        // N s/m its closed-loop poles leave a tenth of the step after 9 mm.
         for (range, plateau) in plateaus.iter_mut().enumerate() {
             let start = 0.03 * (range as f64 + 1.0);
             if (start + 0.023..start + 0.029).contains(&x) {
@@ -345,8 +345,8 @@ fn no_number_of_a_handle_frame_escapes_the_check() {
     }
 }
 
-/// A number may be as large as proto/SPEC.md says and no larger, in either direction; what holds a larger one is counted,
-/// and nothing of it is taken over.
+/// A number may be as large as proto/SPEC.md says and no larger, in either direction; what holds a larger one is
+/// counted, and nothing of it is taken over.
 #[test]
 fn a_finite_number_that_no_sensor_measures_is_refused_like_one_that_is_none() {
     type Spoil<Frame> = fn(&mut Frame, f64);
@@ -406,7 +406,8 @@ fn a_finite_number_that_no_sensor_measures_is_refused_like_one_that_is_none() {
     }
 }
 
-/// How old the news of a hand is counts from the tool's first tick until there is some, however long the server has been up.
+/// How old the news of a hand is counts from the tool's first tick until there is some, however long the server has
+/// been up.
 #[test]
 fn a_tool_that_was_just_seated_has_not_been_silent_since_the_server_began() {
     let mut side = ToolSide::new(&LoopParameters::default(), 7).unwrap();
@@ -447,7 +448,8 @@ fn pausing_holds_the_tool_and_resuming_steps_nothing() {
     }
 }
 
-/// [KHMH03]'s scheme forwards only forces: what delay does to it is a growing distance between hand and tool, not a swing.
+/// [KHMH03]'s scheme forwards only forces: what delay does to it is a growing distance between hand and tool, not a
+/// swing.
 #[test]
 fn delay_costs_force_exchange_its_coordination_and_not_its_stability() {
     // A blade at rest in the deepest step (60 N s/m), pushed with 2 N for half a second.

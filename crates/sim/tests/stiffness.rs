@@ -1,7 +1,8 @@
-//! A line is a spring: `1 / K_displayed = 1 / K_clay + D / b`, with `D` the mean one-way delay, play-out, filter and tick included.
+//! A line is a spring: `1 / K_displayed = 1 / K_clay + D / b`, with `D` the mean one-way delay, play-out, filter and
+//! tick included.
 //!
-//! Stiffness is a ratio at rest, so rest is judged too: what the echoes leave dies out, and after that neither end moves any more and both ends
-//! carry one force.
+//! Stiffness is a ratio at rest, so rest is judged too: what the echoes leave dies out, and after that neither end
+//! moves any more and both ends carry one force.
 
 mod rigs;
 
@@ -15,8 +16,8 @@ use teleclay_proto::Scheme;
 use teleclay_proto::join::LoopParameters;
 use teleclay_session::Lines;
 
-/// An echo goes round the slowest line here in 0.25 s, filters included, and comes back with 0.74 of what it was: it decays with a time constant of 0.84 s.
-/// This is fourteen of them, so 50 mm/s are down to 50 nm/s.
+/// An echo goes round the slowest line here in 0.25 s, filters included, and comes back with 0.74 of what it was: it
+/// decays with a time constant of 0.84 s. This is fourteen of them, so 50 mm/s are down to 50 nm/s.
 const ECHOES_DIE_IN: Duration = Duration::from_secs(12);
 /// Then this long nothing may happen. A tool that the line holds up somewhere off its balance lets go within it.
 const AT_REST_FOR: Duration = Duration::from_secs(12);
@@ -27,7 +28,8 @@ const BALANCE_N: f64 = 2.2e-4;
 
 #[test]
 fn the_wave_line_shows_the_stiffness_that_theory_says() {
-    // A wave formed at the end of a tick acts in the next, and the filter holds a steady wave back by (1 - a) / a ticks.
+    // A wave formed at the end of a tick acts in the next, and the filter holds a steady wave back by (1 - a) / a
+    // ticks.
     let filter_share = 1.0 - (-FILTER_RAD_S * TICK_S).exp();
     let built_in_s = TICK_S * (1.0 + (1.0 - filter_share) / filter_share);
     for (up_ticks, down_ticks, modulus_pa, impedance) in [

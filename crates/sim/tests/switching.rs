@@ -137,7 +137,8 @@ fn after_an_outage_no_scheme_makes_up_for_what_it_missed() {
         let (force_step, place_step) = largest_steps(&mut rig, 1500);
         println!("{scheme:?}: {force_step:.3} N, {:.3} mm", place_step * 1e3);
         assert!(force_step < JOLT_N, "{scheme:?}: {force_step} N");
-        // The copy was felt all the time, so its tool has moved on; between where it stopped cutting and where it begins again nothing is cut.
+        // The copy was felt all the time, so its tool has moved on; between where it stopped cutting and where it
+        // begins again nothing is cut.
         if scheme != Scheme::Replica {
             assert!(place_step < LEAP_M, "{scheme:?}: {place_step} m");
         }

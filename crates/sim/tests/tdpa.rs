@@ -14,7 +14,8 @@ use teleclay_proto::frame::{Header, LoopStatus, ToolFrame};
 use teleclay_proto::{Material, Scheme};
 use teleclay_sim::rig::Rig;
 
-/// A handle that is at rest whenever it is sampled and has moved all the same: what counts is the way, against the force that was felt on it.
+/// A handle that is at rest whenever it is sampled and has moved all the same: what counts is the way, against the
+/// force that was felt on it.
 #[test]
 fn energy_is_counted_by_the_way_and_not_by_the_velocity() {
     const WAY_M: f64 = 2e-5;
@@ -74,7 +75,8 @@ fn aside() -> Rig {
     )
 }
 
-/// Between two frames the tool goes on as it was told, but only for so long: silence is noticed after 100 ms, a velocity is good for 40.
+/// Between two frames the tool goes on as it was told, but only for so long: silence is noticed after 100 ms, a
+/// velocity is good for 40.
 #[test]
 fn a_velocity_that_is_not_confirmed_is_not_followed_for_long() {
     let mut rig = aside();

@@ -1,9 +1,9 @@
 //! The calls of the theory, from a request to an answer, without HTTP: the server's interface and its command line both
 //! use them.
 //!
-//! The mathematics is in `teleclay_kinematics`, `teleclay_control` and `teleclay_sim::experiment`; here requests
-//! become their inputs, and their errors say which field of the request is at fault. What takes long is told now and then
-//! to go on, and ends when it is not: whoever calls brings the clock.
+//! The mathematics is in `teleclay_kinematics`, `teleclay_control` and `teleclay_sim::experiment`; here requests become
+//! their inputs, and their errors say which field of the request is at fault. What takes long is told now and then to
+//! go on, and ends when it is not: whoever calls brings the clock.
 //!
 //! | call | function |
 //! |---|---|

@@ -1,6 +1,7 @@
 //! Any request: an answer that can be written down as its type says, or a typed refusal.
 //!
-//! JSON has no infinity: a figure without a value must be `null` where its type allows that, and must not come up elsewhere.
+//! JSON has no infinity: a figure without a value must be `null` where its type allows that, and must not come up
+//! elsewhere.
 
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;

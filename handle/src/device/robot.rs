@@ -57,7 +57,8 @@ mod tests {
     use super::*;
     use crate::device::room::tests::carving;
 
-    /// The strokes of a cutting operator lie well within the robot's reach: its hand wants to go round without the fence.
+    /// The strokes of a cutting operator lie well within the robot's reach: its hand wants to go round without the
+    /// fence.
     #[test]
     fn cutting_strokes_need_no_fence_on_two_and_on_three_axes() {
         for axes in [teleclay_proto::Axes::Two, teleclay_proto::Axes::Three] {

@@ -5,8 +5,8 @@ use teleclay_proto::ToolDescription;
 
 use super::DeviceSetup;
 
-/// Strokes of a cutting operator reach this far to either side of home, m, where there is room: two thirds of the default block, so that
-/// walls stay standing and the picture shows what was cut.
+/// Strokes of a cutting operator reach this far to either side of home, m, where there is room: two thirds of the
+/// default block, so that walls stay standing and the picture shows what was cut.
 const STROKE_M: f64 = 0.045;
 /// And across the strokes.
 const ACROSS_M: f64 = 0.018;
@@ -17,8 +17,8 @@ const FLOOR_M: f64 = 0.004;
 /// A room narrower than this is none, m: two voxels of the default block.
 const LEAST_ROOM_M: f64 = 0.001;
 
-/// The room for cutting strokes, as displacement of the handle: the default one, or what the tool's reach and the block leave of it. The
-/// tool stays half its width away from the block's sides, when its home lies over the block at all.
+/// The room for cutting strokes, as displacement of the handle: the default one, or what the tool's reach and the block
+/// leave of it. The tool stays half its width away from the block's sides, when its home lies over the block at all.
 pub(super) fn cutting_room(setup: &DeviceSetup) -> Reach {
     let [half_x_m, half_y_m, below_m] = half_extent_m(&setup.tool);
     let [least, greatest] = setup.reach_m;

@@ -23,6 +23,8 @@ use super::*;
 use crate::attachment::Arrived;
 use crate::outbox::Sender;
 
+mod replaced;
+
 const TICK_S: f64 = 1e-3;
 const TICK: Duration = Duration::from_millis(1);
 const IN_TIME: Tick = Tick {
@@ -238,9 +240,11 @@ fn steps(told: &[(DeviceSample, DeviceCommand)]) -> (f64, f64) {
     (force.fold(0.0, f64::max), velocity.fold(0.0, f64::max))
 }
 
-/// Two ramps of 50 ticks, the watchdog's and the status's, run at once when frames begin: at most 2/50 of the push in a tick.
+/// Two ramps of 50 ticks, the watchdog's and the status's, run at once when frames begin: at most 2/50 of the push in a
+/// tick.
 const FORCE_STEP_N: f64 = 3.0 * 2.0 / 50.0 + 1e-9;
-/// What 4 N do to the virtual mass of 1 kg in a tick is 4 mm/s; the brake takes 1/30 of the speed in a tick, and speeds stay below 0.3 m/s.
+/// What 4 N do to the virtual mass of 1 kg in a tick is 4 mm/s; the brake takes 1/30 of the speed in a tick, and speeds
+/// stay below 0.3 m/s.
 const VELOCITY_STEP_M_S: f64 = 0.010;
 
 #[test]
@@ -327,7 +331,7 @@ fn another_lease_starts_where_the_handle_stands_without_a_step_of_force_or_speed
     assert!(bench.ends.orders.push(Order::Attach(attachment)).is_ok());
     let ticks = (1..).find(|_| bench.tick().lease == 2).unwrap();
     assert!(ticks <= 302, "{ticks}");
-    assert_eq!(discarded(&mut bench), ["attachment"]);
+    assert_eq!(replaced::discarded(&mut bench), ["attachment"]);
     let record = bench.couple_for(200);
     assert_eq!(
         (record.mode, record.link_state, record.lease),
@@ -454,127 +458,6 @@ fn a_request_waits_until_its_record_is_taken_and_is_told_once() {
         .map(|record| record.request)
         .collect();
     assert_eq!(requests, [Some(DeviceRequest::FreshClay), None, None]);
-}
-
-/// A small block, as a snapshot of it comes from the server.
-fn snapshot(epoch: u32) -> Snapshot {
-    let shape = teleclay_clay::Shape::Block {
-        size_m: [0.032, 0.016, 0.016],
-    };
-    Snapshot {
-        clay: Box::new(teleclay_clay::Clay::new(&shape, 1e-3).unwrap()),
-        epoch,
-    }
-}
-
-fn tool_setup() -> Arc<ToolSetup> {
-    teleclay_bilateral::tool_setup(&LoopParameters::default()).unwrap()
-}
-
-/// What was discarded so far, by its kind.
-fn discarded(bench: &mut Bench) -> Vec<&'static str> {
-    let mut kinds = Vec::new();
-    while let Ok(done) = bench.ends.done.pop() {
-        kinds.push(match done {
-            Done::Order => continue,
-            Done::Controller { .. } => "controller",
-            Done::Attachment { .. } => "attachment",
-            Done::ToolSetup { .. } => "tool setup",
-            Done::Snapshot { .. } => "snapshot",
-            Done::Retired { .. } => "retired",
-        });
-    }
-    kinds
-}
-
-#[test]
-fn under_the_replica_a_snapshot_is_wanted_until_it_is_there_and_is_felt_from_then_on() {
-    let mut bench = Bench::new(Intent::Idle);
-    bench.tool.frame.header.scheme = Scheme::Replica;
-    bench.tool.frame.header.clay_epoch = 3;
-    let record = bench.couple_for(5);
-    assert_eq!(record.scheme, Scheme::Replica);
-    assert_eq!(record.copy, CopyState::None);
-    let wanted = record.wanted.snapshot.expect("it lacks the clay");
-    assert_eq!(wanted.epoch, 3);
-
-    // Another block is of no use, nor is one that belongs to another lease; the request stays.
-    for (lease, epoch) in [(1, 2), (9, 3)] {
-        let snapshot = snapshot(epoch);
-        assert!(
-            bench
-                .ends
-                .orders
-                .push(Order::LoadSnapshot { lease, snapshot })
-                .is_ok()
-        );
-        assert_eq!(bench.couple_for(1).wanted.snapshot, Some(wanted));
-    }
-    assert!(
-        bench
-            .ends
-            .orders
-            .push(Order::LoadSnapshot {
-                lease: 1,
-                snapshot: snapshot(3),
-            })
-            .is_ok()
-    );
-    let record = bench.couple_for(2);
-    assert_eq!(record.wanted.snapshot, None);
-    assert_eq!(record.copy, CopyState::Live);
-    let kinds = discarded(&mut bench);
-    assert!(kinds.contains(&"snapshot"), "{kinds:?}");
-}
-
-/// A scheme changes in one tick, with the controller that waited for it; until another one is brought, that scheme cannot take over again.
-#[test]
-fn a_controller_is_wanted_once_a_scheme_has_taken_over_and_is_used_once_it_is_there() {
-    let mut bench = Bench::new(Intent::Idle);
-    assert_eq!(bench.couple_for(5).wanted.controller, None);
-    let context = bench.realtime.machine().attachment.side.context().clone();
-    bench.tool.frame.header.scheme = Scheme::Wave;
-    let record = bench.couple_for(2);
-    assert_eq!(record.scheme, Scheme::Wave);
-    assert_eq!(record.wanted.controller, Some(Scheme::ForceExchange));
-    assert_eq!(discarded(&mut bench), ["retired"]);
-    bench.tool.frame.header.scheme = Scheme::ForceExchange;
-    assert_eq!(bench.couple_for(20).scheme, Scheme::Wave, "none waits");
-    for (lease, left) in [(9, "controller"), (1, "retired")] {
-        let provide = Order::Provide {
-            lease,
-            scheme: Scheme::ForceExchange,
-            controller: teleclay_link::scheme::handle_controller(Scheme::ForceExchange, &context),
-        };
-        assert!(bench.ends.orders.push(provide).is_ok());
-        bench.couple_for(2);
-        assert_eq!(discarded(&mut bench), [left]);
-    }
-    assert_eq!(bench.couple_for(1).scheme, Scheme::ForceExchange);
-}
-
-#[test]
-fn a_new_revision_is_wanted_and_what_it_replaces_is_dropped_elsewhere() {
-    let mut bench = Bench::new(Intent::Idle);
-    assert_eq!(bench.couple_for(2).wanted.revision, 0);
-    bench.tool.frame.header.revision = 7;
-    assert_eq!(bench.couple_for(2).wanted.revision, 7);
-    for lease in [1, 9] {
-        let setup = tool_setup();
-        assert!(
-            bench
-                .ends
-                .orders
-                .push(Order::Move {
-                    lease,
-                    setup,
-                    deadband: 0.07
-                })
-                .is_ok()
-        );
-    }
-    bench.couple_for(1);
-    assert_eq!(discarded(&mut bench), ["tool setup", "tool setup"]);
 }
 
 #[test]

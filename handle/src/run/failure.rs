@@ -19,7 +19,7 @@ pub enum Failure {
     Join {
         /// The session.
         session: SessionId,
-        /// Why.
+        /// What the join failed of.
         source: JoinError,
     },
     /// The lease cannot be used.

@@ -1,4 +1,5 @@
-//! What the tick has recorded, and what follows from it: what is told, what is fetched, and when a lease counts as lost.
+//! What the tick has recorded, and what follows from it: what is told, what is fetched, and when a lease counts as
+//! lost.
 
 use std::time::Duration;
 
@@ -17,10 +18,11 @@ use crate::refresh::{self, Fresh, Wanted};
 
 /// Without frames for this long a lease counts as lost. Shorter gaps mend themselves.
 const LOST_AFTER: Duration = Duration::from_secs(1);
-/// A copy of the clay goes on without frames, and what was cut since waits for the line: a new lease would give that up. The server holds a lease for
-/// 10 s of silence, so the old one is asked back for until shortly before.
+/// A copy of the clay goes on without frames, and what was cut since waits for the line: a new lease would give that
+/// up. The server holds a lease for 10 s of silence, so the old one is asked back for until shortly before.
 const LOST_ON_COPY_AFTER: Duration = Duration::from_secs(8);
-/// A server whose end is seen was heard shortly before: a tick's records wait 20 ms, and the network's delay may be as long as sessions allow.
+/// A server whose end is seen was heard shortly before: a tick's records wait 20 ms, and the network's delay may be as
+/// long as sessions allow.
 const HEARD_WITHIN: Duration = Duration::from_secs(1);
 
 impl Run {

@@ -1,5 +1,5 @@
-//! The steady tick allocates nothing: counted on its own thread, from one sample of the device to the next, so that all of the tick, its
-//! rings and its timer are in it.
+//! The steady tick allocates nothing: counted on its own thread, from one sample of the device to the next, so that all
+//! of the tick, its rings and its timer are in it.
 
 #![allow(unsafe_code, reason = "a global allocator cannot be written without")]
 

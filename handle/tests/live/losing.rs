@@ -18,8 +18,8 @@ use super::server::{Door, PUSH_N, Seen, Server, Speech, free_endpoint, parameter
 
 /// Two ramps of 50 ticks run at once at most, the watchdog's and the status's: 2/50 of the push in a tick.
 const FORCE_STEP_N: f64 = PUSH_N * 2.0 / 50.0 + 1e-9;
-/// 1.1 N on the virtual mass of 1 kg give 1.1 mm/s in a tick; the brake takes a thirtieth of a speed that stays below 0.06 m/s; and a
-/// handle that is taken over stands within a few micrometres of where it was sent.
+/// 1.1 N on the virtual mass of 1 kg give 1.1 mm/s in a tick; the brake takes a thirtieth of a speed that stays below
+/// 0.06 m/s; and a handle that is taken over stands within a few micrometres of where it was sent.
 const VELOCITY_STEP_M_S: f64 = 0.005;
 /// A frame that was sent before the silence may still be on its way for this long.
 const FLIGHT: Duration = Duration::from_millis(50);

@@ -59,7 +59,7 @@ pub(crate) enum Speech {
     FramesAmidGarbage,
     /// A tool frame with a force that is not a number.
     NotANumber,
-    /// Nothing.
+    /// No frame at all.
     Silence,
 }
 
@@ -96,7 +96,8 @@ pub(crate) fn keys() -> SessionKeys {
     )
 }
 
-/// An endpoint whose port, and the one above it, nobody uses now. Below 32768, from where on connections take theirs; every process looks elsewhere first.
+/// An endpoint whose port, and the one above it, nobody uses now. Below 32768, from where on connections take theirs;
+/// every process looks elsewhere first.
 pub(crate) fn free_endpoint() -> String {
     static LOOKS: AtomicU32 = AtomicU32::new(0);
     let own = std::process::id().wrapping_mul(37);
@@ -356,8 +357,8 @@ impl Tool {
     }
 }
 
-/// Everything that must not reach a hand: nothing, half a frame, a frame of the other direction, of another version, of another lease,
-/// with something after its end.
+/// Everything that must not reach a hand: nothing, half a frame, a frame of the other direction, of another version, of
+/// another lease, with something after its end.
 fn garbage(answer: &ToolFrame, frame: &HandleFrame, put: impl Fn(&[u8])) {
     let mut buffer = [0; MAX_FRAME];
     let good = answer.encode(&mut buffer).to_vec();

@@ -1,4 +1,5 @@
-//! The table on one page: what had to come out and what did, and for each measure a line a delay with all schemes side by side.
+//! The table on one page: what had to come out and what did, and for each measure a line a delay with all schemes side
+//! by side.
 
 use std::fmt::Write;
 

@@ -17,7 +17,8 @@ pub(super) const LENGTH: usize = 36;
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Corrections {
-    /// How far corrections have moved the felt force, tick by tick and all told, N. Never falls, so a frame that is lost hides no step.
+    /// How far corrections have moved the felt force, tick by tick and all told, N. Never falls, so a frame that is
+    /// lost hides no step.
     pub moved_n: f64,
     /// Felt force less the force that the corrected copy gives, N: what is still to be let in.
     pub held_n: [f32; 3],

@@ -22,7 +22,8 @@ pub struct Header {
     pub echo_hold_ns: u32,
     /// The scheme this side runs.
     pub scheme: Scheme,
-    /// Counts the changes of the session, modulo 2³²: the one that the tool side is at, and up, the newest that the handle has heard of.
+    /// Counts the changes of the session, modulo 2³²: the one that the tool side is at, and up, the newest that the
+    /// handle has heard of.
     pub revision: u32,
     /// Counts the fresh blocks of clay: sweeps of an earlier epoch cut clay that is gone.
     pub clay_epoch: u32,

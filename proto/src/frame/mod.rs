@@ -1,6 +1,7 @@
 //! The frames of the control loop: one [`HandleFrame`] up and one [`ToolFrame`] down every tick.
 //!
-//! Every frame starts with the same 48 bytes; numbers are little-endian, offsets are fixed and floats are aligned to their size:
+//! Every frame starts with the same 48 bytes; numbers are little-endian, offsets are fixed and floats are aligned to
+//! their size:
 //!
 //! ```text
 //!  0      2       3      4       8          12             16        24        32

@@ -1,7 +1,7 @@
 //! Cuts on their way to the server: a list of bounded length, so that the loop never allocates.
 //!
-//! A tool that cuts goes on from where it came to, so sweeps mostly follow one another: the list is kept, and written, as runs of sweeps each of which
-//! begins where the one before it ends.
+//! A tool that cuts goes on from where it came to, so sweeps mostly follow one another: the list is kept, and written,
+//! as runs of sweeps each of which begins where the one before it ends.
 
 use std::fmt;
 
@@ -10,7 +10,8 @@ use crate::bytes::{Reader, Writer};
 
 /// Bytes that the sweeps of one frame take at most.
 ///
-/// In one run these are [`MAX_SWEEPS`], at one sweep a tick an eighth of a second; a frame full of them and of [gaps](super::Gaps) still fits one datagram.
+/// In one run these are [`MAX_SWEEPS`], at one sweep a tick an eighth of a second; a frame full of them and of
+/// [gaps](super::Gaps) still fits one datagram.
 pub const SWEEP_BYTES: usize = 800;
 
 /// Most sweeps that one frame carries: one run of short steps.
@@ -89,7 +90,8 @@ impl SweepRecord {
 ///  +----------+-------+-------+------+------------+-------------------+
 /// ```
 ///
-/// The first sweep has this sequence number and begins at `from`; each goes on by its step, in a coordinate of so many bytes, 2 or 4, that wraps.
+/// The first sweep has this sequence number and begins at `from`; each goes on by its step, in a coordinate of so many
+/// bytes, 2 or 4, that wraps.
 #[derive(Clone, Copy)]
 pub struct Sweeps {
     /// Number of the oldest sweep that the sender still keeps; the number the next sweep will get when it keeps none.

@@ -49,7 +49,8 @@ words! {
     }
 }
 
-/// The frame from the tool side to the handle, one each tick. 232 bytes, then the runs of relayed [`Sweeps`] and the [`Gaps`].
+/// The frame from the tool side to the handle, one each tick. 232 bytes, then the runs of relayed [`Sweeps`] and the
+/// [`Gaps`].
 ///
 /// ```text
 ///   0        48           72             96        120    144             168

@@ -30,7 +30,8 @@ pub enum BodyError {
 /// Parses a body and checks every range.
 ///
 /// # Errors
-/// When it is not JSON, when a field is unknown, missing, doubled or of another type, or when a value is out of its range.
+/// When it is not JSON, when a field is unknown, missing, doubled or of another type, or when a value is out of its
+/// range.
 pub fn parse<T>(body: &[u8]) -> Result<T, BodyError>
 where
     T: DeserializeOwned + Serialize + Validate,
@@ -50,7 +51,8 @@ where
     Ok(value)
 }
 
-/// Every body is an object. What it is instead is told before its parts are looked at: of an array, serde would read the fields in order.
+/// Every body is an object. What it is instead is told before its parts are looked at: of an array, serde would read
+/// the fields in order.
 fn require_object(document: &Value) -> Result<(), FieldError> {
     let came = match document {
         Value::Object(_) => return Ok(()),

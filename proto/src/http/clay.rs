@@ -31,8 +31,8 @@ const DEFAULT_WIDTH_M: f64 = 0.064;
 
 /// The shape of a fresh block. In JSON `{"kind": "block", "size_m": [0.128, 0.064, 0.064]}`.
 ///
-/// The clay's frame has its origin at a corner of the block, z up; the block fills `[0, size]` along each axis. Whatever is
-/// left out takes its default.
+/// The clay's frame has its origin at a corner of the block, z up; the block fills `[0, size]` along each axis.
+/// Whatever is left out takes its default.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(tag = "kind", rename_all = "snake_case", try_from = "RawShape")]
 pub enum ClayShape {

@@ -9,7 +9,8 @@ use utoipa::openapi::RefOr;
 use utoipa::openapi::schema::{ObjectBuilder, Schema, Type};
 use utoipa::{PartialSchema, ToSchema};
 
-/// Hash of a whole block: equal hashes mean equal clay. 16 hexadecimal digits in JSON, which cannot hold 64 bits as a number.
+/// Hash of a whole block: equal hashes mean equal clay. 16 hexadecimal digits in JSON, which cannot hold 64 bits as a
+/// number.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct ClayHash(pub u64);

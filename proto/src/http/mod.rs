@@ -1,8 +1,8 @@
 //! The JSON types of `/api/v1`; the WebSocket's text messages and the join carry the same ones.
 //!
-//! What comes in is parsed by [`parse`], which names the field at fault by its JSON pointer and checks every range; what
-//! goes out is written by serde. Unknown fields are errors. A request may leave out what has a default; a PATCH may leave
-//! out anything, and what is left out keeps its value.
+//! What comes in is parsed by [`parse`], which names the field at fault by its JSON pointer and checks every range;
+//! what goes out is written by serde. Unknown fields are errors. A request may leave out what has a default; a PATCH
+//! may leave out anything, and what is left out keeps its value.
 
 mod body;
 mod clay;

@@ -46,7 +46,7 @@ pub struct Impairment {
     /// Losses in bursts, on top of `loss`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub burst: Option<Burst>,
-    /// Outages.
+    /// Outages of the line, at regular intervals.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub outage: Option<Outage>,
 }

@@ -428,8 +428,8 @@ impl From<Outage> for OutagePatch {
     }
 }
 
-/// A range is kept by a change exactly when it is kept by the change of something that keeps it, so that the limits stand
-/// in one place.
+/// A range is kept by a change exactly when it is kept by the change of something that keeps it, so that the limits
+/// stand in one place.
 impl Validate for SessionPatch {
     fn validate(&self) -> Result<(), FieldError> {
         self.material.validate_under("/material")?;

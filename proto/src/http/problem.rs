@@ -5,7 +5,7 @@ use utoipa::ToSchema;
 
 use super::{BodyError, FieldError};
 
-/// `application/problem+json`.
+/// An error as RFC 9457 writes it: the body of `application/problem+json`.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Problem {

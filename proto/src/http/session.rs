@@ -38,7 +38,8 @@ pub struct NewSession {
     /// The tool of every operator.
     #[serde(default)]
     pub tool: ToolDescription,
-    /// Share of a force or velocity whose change the hand cannot feel: frames that change less are left out. 0 leaves none out; a hand notices 0.07.
+    /// Share of a force or velocity whose change the hand cannot feel: frames that change less are left out. 0 leaves
+    /// none out; a hand notices 0.07.
     #[serde(default)]
     #[schema(minimum = 0.0, maximum = 0.5, default = 0.0)]
     pub deadband: f64,
@@ -209,7 +210,8 @@ pub struct ToolState {
     pub home_m: [f64; 3],
     /// What the handle's copy of the clay is good for; `none` in schemes without one.
     pub copy: CopyState,
-    /// Felt force less what the hand would feel of this clay's answer to the same motion, N: what a copy hid. Zero in schemes without one.
+    /// Felt force less what the hand would feel of this clay's answer to the same motion, N: what a copy hid. Zero in
+    /// schemes without one.
     #[schema(value_type = Vector)]
     pub hidden_force_n: [f64; 3],
     /// Cuts of this operator that the server did not take, since joining.
@@ -275,7 +277,7 @@ pub struct LoopState {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Quantiles {
-    /// Median.
+    /// The median, s.
     pub p50: f64,
     /// 99th percentile.
     pub p99: f64,
@@ -285,12 +287,12 @@ pub struct Quantiles {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TickQuantiles {
-    /// Median.
+    /// The median, s.
     pub p50: f64,
     /// 99th percentile.
     pub p99: f64,
     /// 99.9th percentile.
     pub p999: f64,
-    /// Greatest.
+    /// The greatest value, s.
     pub max: f64,
 }

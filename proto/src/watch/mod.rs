@@ -10,8 +10,8 @@
 //!  +------+-------+------+----------+---
 //! ```
 //!
-//! `sequence` counts the messages of one kind on one stream (a WebSocket, or a Zenoh publication) from 0 and wraps, so that
-//! a reader sees a gap. Bricks go over Zenoh in the same bytes.
+//! `sequence` counts the messages of one kind on one stream (a WebSocket, or a Zenoh publication) from 0 and wraps, so
+//! that a reader sees a gap. Bricks go over Zenoh in the same bytes.
 
 mod bricks;
 mod pack;

@@ -1,17 +1,17 @@
 //! How the voxels of one brick are packed.
 //!
-//! A brick is 16³ occupancies, `u8`, 0 empty to 255 full, x fastest, then y, then z. Clay is flat over long stretches, so a
-//! row is taken from the row before it: the residual is `r[i] = v[i] − v[i − 16]` modulo 256, with `v` zero before the start.
-//! Residuals are written as tokens:
+//! A brick is 16³ occupancies, `u8`, 0 empty to 255 full, x fastest, then y, then z. Clay is flat over long stretches,
+//! so a row is taken from the row before it: the residual is `r[i] = v[i] − v[i − 16]` modulo 256, with `v` zero before
+//! the start. Residuals are written as tokens:
 //!
 //! ```text
 //!  c < 128     c + 1 residuals follow as they are     1 to 128
 //!  128 <= c    c − 127 residuals are zero             1 to 128
 //! ```
 //!
-//! The writer's choice is fixed, so that all writers give the same bytes: at each step, when the next two residuals are both
-//! zero it takes as many zeros as there are, at most 128; otherwise it takes residuals as they are until two zeros follow, the
-//! brick ends or there are 128. A reader takes any tokens that stand for exactly 4096 residuals.
+//! The writer's choice is fixed, so that all writers give the same bytes: at each step, when the next two residuals are
+//! both zero it takes as many zeros as there are, at most 128; otherwise it takes residuals as they are until two zeros
+//! follow, the brick ends or there are 128. A reader takes any tokens that stand for exactly 4096 residuals.
 
 use crate::FrameError;
 
@@ -21,8 +21,8 @@ pub const BRICK_EDGE: usize = 16;
 /// Voxels of a brick.
 pub const BRICK_VOXELS: usize = BRICK_EDGE * BRICK_EDGE * BRICK_EDGE;
 
-/// Most bytes that [`pack`] writes: a token for each 128 residuals, and the residuals. A run of zeros never costs more than
-/// it saves, because it stands for two residuals at least and takes one byte, and one more for the token after it.
+/// Most bytes that [`pack`] writes: a token for each 128 residuals, and the residuals. A run of zeros never costs more
+/// than it saves, because it stands for two residuals at least and takes one byte, and one more for the token after it.
 pub const MAX_PACKED: usize = BRICK_VOXELS + BRICK_VOXELS / LONGEST;
 
 /// Most residuals of one token.

@@ -38,7 +38,7 @@ pub enum ServerText {
     },
     /// A message of the watcher's was not acceptable. Nothing of it was done.
     Problem {
-        /// Why.
+        /// What was wrong with the message.
         problem: Problem,
     },
     /// Answers a `ping`.

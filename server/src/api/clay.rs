@@ -28,9 +28,10 @@ refusals!(ModelRefusals: PATH, NO_SUCH_SESSION, BUSY);
 
 /// The clay as binary STL
 ///
-/// The clay's surface in its own frame, in millimetres, which is what programs for printing take the numbers of an STL for: a closed
-/// manifold, each edge of exactly two triangles, facing outwards. It encloses the clay's remaining volume, to a thousandth unless
-/// clay is porous throughout, which tools do not make of it. The header says the volume that the triangles enclose.
+/// The clay's surface in its own frame, in millimetres, which is what programs for printing take the numbers of an STL
+/// for: a closed manifold, each edge of exactly two triangles, facing outwards. It encloses the clay's remaining
+/// volume, to a thousandth unless clay is porous throughout, which tools do not make of it. The header says the volume
+/// that the triangles enclose.
 #[utoipa::path(
     get, path = "/sessions/{id}/clay.stl", tag = "clay",
     params(("id" = String, Path, description = "The session's name")),

@@ -9,7 +9,8 @@ use teleclay_proto::NodeName;
 #[derive(Clone, Debug)]
 pub struct ApiConfig {
     /// What callers must show; `None` lets everyone in who reaches the listening address, which must then be a loopback
-    /// address. To pass through a browser's WebSocket it may only have the characters of an HTTP token, RFC 9110 §5.6.2.
+    /// address. To pass through a browser's WebSocket it may only have the characters of an HTTP token, RFC 9110
+    /// §5.6.2.
     pub token: Option<String>,
     /// Origins, such as `https://lab.example`, whose pages may use the interface besides those that the server serves
     /// itself. Compared as they are.

@@ -51,7 +51,8 @@ fn serve(find: Find, request: &Request) -> Response {
     if let Some(found) = find(path) {
         return file(path, found, request.headers());
     }
-    // The page has addresses of its own, and may be opened at any of them; but a script that is not there is not a page.
+    // The page has addresses of its own, and may be opened at any of them; but a script that is not there is not a
+    // page.
     if is_navigation(request.headers()) {
         return index(find, request);
     }

@@ -129,8 +129,8 @@ fn check_origin(allowed: &[String], host: &Authority, headers: &HeaderMap) -> Re
     )))
 }
 
-/// Whether a page of this origin was served under this host. Behind a proxy that does TLS the scheme is not known here, so
-/// either will do.
+/// Whether a page of this origin was served under this host. Behind a proxy that does TLS the scheme is not known here,
+/// so either will do.
 fn is_origin_of(origin: &str, host: &Authority) -> bool {
     let authority = ["http://", "https://"]
         .iter()

@@ -20,8 +20,9 @@ use super::stall::Impatient;
 /// Connections at once. More wait to be accepted; each watcher has one, and each page a handful besides.
 const MAX_CONNECTIONS: usize = 512;
 
-/// Bytes that the operating system may hold for a reader, about half a second of a watcher's budget. It would otherwise grow
-/// to megabytes, and a slow watcher would see the clay of half a minute ago. Linux takes the double, for its own bookkeeping.
+/// Bytes that the operating system may hold for a reader, about half a second of a watcher's budget. It would otherwise
+/// grow to megabytes, and a slow watcher would see the clay of half a minute ago. Linux takes the double, for its own
+/// bookkeeping.
 const SEND_BUFFER: u32 = 128 * 1024;
 
 /// Connections that may wait to be accepted.

@@ -1,7 +1,7 @@
 //! `/metrics`, in Prometheus' text format.
 //!
-//! Every scrape writes what is true now into a recorder of its own. So a session that has ended leaves no series behind, and
-//! nothing is kept between scrapes that could grow.
+//! Every scrape writes what is true now into a recorder of its own. So a session that has ended leaves no series
+//! behind, and nothing is kept between scrapes that could grow.
 
 use std::fmt::Write as _;
 

@@ -69,8 +69,8 @@ const MAX_MODELS: usize = 2;
 /// Longest wait for an answer to begin. A change waits for the loop, which takes it up within milliseconds.
 const REQUEST_TIMEOUT: Duration = Duration::from_secs(10);
 
-/// Said of every answer that does not say otherwise. An answer of the interface is no page: it loads nothing, stands in no
-/// frame and is not kept.
+/// Said of every answer that does not say otherwise. An answer of the interface is no page: it loads nothing, stands in
+/// no frame and is not kept.
 const HEADERS: [(HeaderName, &str); 7] = [
     (
         header::CONTENT_SECURITY_POLICY,
@@ -208,7 +208,8 @@ impl Api {
     }
 }
 
-/// Lets a change run to its end, also when who asked for it goes away meanwhile: half a change would be worse than either.
+/// Lets a change run to its end, also when who asked for it goes away meanwhile: half a change would be worse than
+/// either.
 pub(crate) async fn see_through<T: Send + 'static>(
     change: impl Future<Output = T> + Send + 'static,
 ) -> Result<T, Failure> {

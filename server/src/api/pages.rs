@@ -1,5 +1,5 @@
-//! The few pages that the server writes itself: the catalogue of problems, and what stands in for a dashboard that is not
-//! built. They need nothing but themselves.
+//! The few pages that the server writes itself: the catalogue of problems, and what stands in for a dashboard that is
+//! not built. They need nothing but themselves.
 
 use std::fmt::Write as _;
 

@@ -1,7 +1,7 @@
 //! How a call fails: RFC 9457 problem details, one catalogue for every call.
 //!
-//! Each kind of problem has a stable type `/problems/<word>` that programs may match on, a title and a status that never
-//! change, and a page at that address that explains it. The detail is what happened this time.
+//! Each kind of problem has a stable type `/problems/<word>` that programs may match on, a title and a status that
+//! never change, and a page at that address that explains it. The detail is what happened this time.
 
 use std::fmt;
 

@@ -8,8 +8,8 @@ use std::time::Duration;
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::time::{Instant, Sleep, sleep};
 
-/// A connection that breaks when nothing can be written to it for a while. What waits to be written would otherwise be kept
-/// for as long as the other end cares to stay.
+/// A connection that breaks when nothing can be written to it for a while. What waits to be written would otherwise be
+/// kept for as long as the other end cares to stay.
 pub(crate) struct Impatient<C> {
     connection: C,
     patience: Duration,

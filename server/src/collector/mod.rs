@@ -1,7 +1,8 @@
 //! The collector: takes what the tick leaves in its rings and makes of it what everybody else asks for.
 //!
-//! It folds events into each session's [`Snapshot`](teleclay_session::Snapshot), answers orders once what they changed is in there, keeps the statistics,
-//! feeds each session's mirror of the clay, hands samples to the telemetry channel, and drops what the tick is done with.
+//! It folds events into each session's [`Snapshot`](teleclay_session::Snapshot), answers orders once what they changed
+//! is in there, keeps the statistics, feeds each session's mirror of the clay, hands samples to the telemetry channel,
+//! and drops what the tick is done with.
 
 mod samples;
 

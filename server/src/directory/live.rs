@@ -17,7 +17,8 @@ use crate::session::{Event, Sample, SessionShared, tool_id};
 use crate::state;
 use crate::statistics::LoopStats;
 
-/// Settings change once in a while for reasons of the session's own; a command that was overtaken by that is prepared anew so many times.
+/// Settings change once in a while for reasons of the session's own; a command that was overtaken by that is prepared
+/// anew so many times.
 const PREPARATIONS: usize = 4;
 
 /// A session that is there.
@@ -53,7 +54,8 @@ impl Live {
     /// A fresh block, for whoever may change the session; with a `lease`, for its holder.
     ///
     /// # Errors
-    /// A field cannot be, nobody holds the lease, the session is gone, or the loop does not answer. Then nothing has changed.
+    /// A field cannot be, nobody holds the lease, the session is gone, or the loop does not answer. Then nothing has
+    /// changed.
     pub async fn reset(
         &self,
         reset: ClayReset,

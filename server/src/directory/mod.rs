@@ -1,5 +1,5 @@
-//! The directory: which sessions there are, and the way to each. The API and Zenoh both come here. It knows no rule of a session: those are in
-//! `crates/session`.
+//! The directory: which sessions there are, and the way to each. The API and Zenoh both come here. It knows no rule of
+//! a session: those are in `crates/session`.
 
 mod live;
 mod orders;
@@ -52,7 +52,7 @@ pub enum CreateError {
     /// The loop does not take orders.
     #[error("{reason}")]
     Unavailable {
-        /// Why.
+        /// The reason, in words.
         reason: String,
     },
 }

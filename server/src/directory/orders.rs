@@ -68,7 +68,8 @@ impl Orders {
         }
     }
 
-    /// Hands an order to the tick and waits until it is carried out. An order that is not carried out in time is taken back.
+    /// Hands an order to the tick and waits until it is carried out. An order that is not carried out in time is taken
+    /// back.
     pub(super) async fn carry_out(&self, task: Task) -> Result<Answer, ChangeError> {
         let started = Instant::now();
         let claim = Claim::default();

@@ -252,7 +252,8 @@ fn what_is_not_json_is_answered_with_its_line_and_column() {
     site.delete(&format!("/api/v1/sessions/{session}"));
 }
 
-/// A thousand bodies with bytes changed at random: every one is answered, and none brings out a mistake of the server's.
+/// A thousand bodies with bytes changed at random: every one is answered, and none brings out a mistake of the
+/// server's.
 #[test]
 fn changed_bytes_never_make_the_server_fail() {
     let site = shared().site();

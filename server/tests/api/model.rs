@@ -127,8 +127,8 @@ fn only_so_many_models_are_on_their_way_at_once() {
     site.delete(&path);
 }
 
-/// Two people put fresh blocks of different sizes, over and over, while a third looks: every answer tells of one block, whole, and whoever put one is
-/// answered with that one.
+/// Two people put fresh blocks of different sizes, over and over, while a third looks: every answer tells of one block,
+/// whole, and whoever put one is answered with that one.
 #[test]
 fn fresh_blocks_that_are_put_at_once_are_never_mixed_up() {
     const BLOCKS: u32 = 20;
@@ -170,7 +170,8 @@ fn fresh_blocks_that_are_put_at_once_are_never_mixed_up() {
     site.delete(&path);
 }
 
-/// A session is deleted while a large block for it is being made: whoever asked for that is told that the session is gone, and is not shown one.
+/// A session is deleted while a large block for it is being made: whoever asked for that is told that the session is
+/// gone, and is not shown one.
 #[test]
 fn a_change_of_a_session_that_is_deleted_meanwhile_is_refused() {
     let rig = shared();

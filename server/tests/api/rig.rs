@@ -1,7 +1,8 @@
 //! A server to ask, and routers around its directory.
 //!
-//! One server, with its loop and its Zenoh sessions, is shared by the tests of a process. A test that needs other settings of
-//! the interface puts a router of its own around the same sessions; one that needs other sessions starts a server of its own.
+//! One server, with its loop and its Zenoh sessions, is shared by the tests of a process. A test that needs other
+//! settings of the interface puts a router of its own around the same sessions; one that needs other sessions starts a
+//! server of its own.
 
 use std::net::SocketAddr;
 use std::path::PathBuf;

@@ -537,7 +537,8 @@ fn resident() -> usize {
     pages * 4096
 }
 
-/// A watcher that reads nothing at all: what waits for it is bounded, others do not notice, and in the end it is let go.
+/// A watcher that reads nothing at all: what waits for it is bounded, others do not notice, and in the end it is let
+/// go.
 #[test]
 fn a_watcher_that_does_not_read_is_let_go_and_holds_up_nobody() {
     let rig = shared();

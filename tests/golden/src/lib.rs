@@ -1,7 +1,7 @@
 //! Digests of fixed pieces of work, worked out by different machines and compared.
 //!
-//! Native code and WebAssembly are as different as machines get here: vectors against arrays, the system's mathematics against the
-//! compiler's. `cargo verify --only golden` has both work out every digest and fails where they differ.
+//! Native code and WebAssembly are as different as machines get here: vectors against arrays, the system's mathematics
+//! against the compiler's. `cargo verify --only golden` has both work out every digest and fails where they differ.
 
 use std::time::Duration;
 
@@ -72,8 +72,8 @@ fn surface() -> u64 {
     places.chain(corners.map(u64::from)).fold(0, fold)
 }
 
-/// Two seconds of the whole loop on virtual time across a bad line: a person cuts, by ball and by blade. Every pose and every force
-/// of every tick, and the clay that results at both ends.
+/// Two seconds of the whole loop on virtual time across a bad line: a person cuts, by ball and by blade. Every pose and
+/// every force of every tick, and the clay that results at both ends.
 fn run(scheme: Scheme) -> u64 {
     let line = Impairment {
         delay: Duration::from_millis(7),

@@ -1,5 +1,5 @@
-//! Prints every digest as native code works it out, a name and sixteen hexadecimal digits a line. `run.mjs` prints the same lines as
-//! WebAssembly does.
+//! Prints every digest as native code works it out, a name and sixteen hexadecimal digits a line. `run.mjs` prints the
+//! same lines as WebAssembly does.
 #![allow(clippy::print_stdout)] // a program's output
 
 use teleclay_golden::DIGESTS;

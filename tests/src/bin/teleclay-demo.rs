@@ -37,7 +37,8 @@ fn main() -> ExitCode {
     }
 }
 
-/// Listens for Ctrl-C, a closed terminal and SIGTERM. A second one ends this program at once; the kernel then ends its children.
+/// Listens for Ctrl-C, a closed terminal and SIGTERM. A second one ends this program at once; the kernel then ends its
+/// children.
 fn listen(interrupted: &Arc<AtomicBool>) -> Result<()> {
     for signal in [SIGINT, SIGTERM, SIGHUP] {
         // In this order: the first signal only raises the flag, the second finds it raised.

@@ -7,7 +7,8 @@ use teleclay_tests::relay::{Config, Line, run};
 
 /// Relays UDP datagrams as a bad network would, seeded, each direction apart.
 ///
-/// Standard input takes `up …` and `down …` (as --up and --down), `cut`, `mend`, and `report`; each is answered with a line.
+/// Standard input takes `up …` and `down …` (as --up and --down), `cut`, `mend`, and `report`; each is answered with a
+/// line.
 #[derive(Debug, Parser)]
 struct Arguments {
     /// Where datagrams come in

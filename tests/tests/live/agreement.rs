@@ -1,7 +1,7 @@
 //! The same task over the same line, live and on the rig: what virtual time says of a scheme is what two processes do.
 //!
-//! Both run the same operator, tick by tick. The rig's line takes whole ticks and nothing else does; live, frames also wait for the next tick at each
-//! end, threads wake late, and Zenoh and the relay take some tenths of a millisecond.
+//! Both run the same operator, tick by tick. The rig's line takes whole ticks and nothing else does; live, frames also
+//! wait for the next tick at each end, threads wake late, and Zenoh and the relay take some tenths of a millisecond.
 
 use std::time::Duration;
 
@@ -158,7 +158,8 @@ fn rms_apart(live: &[[f64; 3]], rig: &[[f64; 3]]) -> f64 {
     (squares.sum::<f64>() / live.len() as f64).sqrt()
 }
 
-/// Means over 20 ms. Where a frame misses its tick, position-force makes of two small steps none and a large one, and of the force a gap and a peak.
+/// Means over 20 ms. Where a frame misses its tick, position-force makes of two small steps none and a large one, and
+/// of the force a gap and a peak.
 fn smoothed(values: &[[f64; 3]]) -> Vec<[f64; 3]> {
     values
         .chunks_exact(20)

@@ -90,7 +90,8 @@ fn make_changes(client: &Client, who: u32) -> Vec<(Value, u16, Value)> {
         .collect()
 }
 
-/// Every answer is a session or a named refusal, every change has a revision of its own, and the tool frames say of each revision what its answer said.
+/// Every answer is a session or a named refusal, every change has a revision of its own, and the tool frames say of
+/// each revision what its answer said.
 #[tokio::test(flavor = "multi_thread")]
 async fn two_clients_change_a_running_session_400_times_a_second_and_everybody_agrees_on_it() {
     let server = Server::on_free_ports().unwrap();
@@ -148,7 +149,8 @@ async fn two_clients_change_a_running_session_400_times_a_second_and_everybody_a
         by_revision.len()
     );
     assert_eq!(by_revision.len(), answers.len() / 6 * 5 + answers.len() % 6);
-    // A frame is lost now and then; a revision that no frame named is one that lasted for less than a tick, or whose frames were.
+    // A frame is lost now and then; a revision that no frame named is one that lasted for less than a tick, or whose
+    // frames were.
     assert!(by_revision.len() * 9 / 10 < compared, "{compared}");
     let (last, answer) = by_revision.last_key_value().unwrap();
     assert_eq!(after.revision, *last);

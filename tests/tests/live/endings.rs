@@ -122,8 +122,8 @@ fn a_server_that_is_killed_releases_the_hand_within_a_fifth_of_a_second_and_is_f
     );
 }
 
-/// After the hand has felt the clay, a tick that comes a fifth of a second after the last frame, or later, gives no force; and there were
-/// such ticks.
+/// After the hand has felt the clay, a tick that comes a fifth of a second after the last frame, or later, gives no
+/// force; and there were such ticks.
 pub(super) fn assert_released(ticks: &[Row]) {
     let felt = ticks
         .iter()

@@ -1,5 +1,5 @@
-//! Server and handles as real processes over real Zenoh. Nothing here sleeps to let something happen: every wait is for a condition, and
-//! has a deadline.
+//! Server and handles as real processes over real Zenoh. Nothing here sleeps to let something happen: every wait is for
+//! a condition, and has a deadline.
 
 #![allow(
     clippy::float_cmp,

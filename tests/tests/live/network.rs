@@ -1,7 +1,7 @@
 //! Two processes and a bad network between them. Each test asks the relay first what it has really done.
 //!
-//! What the replica promises is judged against a replay: the handle wrote down where it was at every tick, to the last bit, and the same
-//! places are swept through a fresh block here, by the clay alone, without scheme, line or clock.
+//! What the replica promises is judged against a replay: the handle wrote down where it was at every tick, to the last
+//! bit, and the same places are swept through a fresh block here, by the clay alone, without scheme, line or clock.
 
 use serde_json::json;
 use teleclay_bilateral::{clay_shape, material, tool_shape};
@@ -86,8 +86,8 @@ struct Replay {
     ticks: usize,
 }
 
-/// Sweeps a fresh block of the session along the way that the handle wrote down, but for where its copy was felt only, until the pause.
-/// Before it has a copy the server's tool follows it; at home, where nobody moves yet.
+/// Sweeps a fresh block of the session along the way that the handle wrote down, but for where its copy was felt only,
+/// until the pause. Before it has a copy the server's tool follows it; at home, where nobody moves yet.
 fn replay(session: &Session, rows: &[Row]) -> Replay {
     let shape = clay_shape(&session.clay.shape).unwrap();
     let mut clay = Clay::new(&shape, session.clay.voxel_size_m).unwrap();
@@ -119,7 +119,8 @@ fn replay(session: &Session, rows: &[Row]) -> Replay {
         squares += error_n * error_n;
         greatest_n = greatest_n.max(norm([answer_n[0], answer_n[1], 0.0]));
         ticks += 1;
-        // What `work` cut is the sweep from place to place; a sweep again changes nothing, as cuts have no order and no count.
+        // What `work` cut is the sweep from place to place; a sweep again changes nothing, as cuts have no order and no
+        // count.
         let again = Sweep {
             shape: *tool.shape(),
             from,
@@ -155,8 +156,9 @@ fn assert_nothing_was_lost(drained: &Session, rows: &[Row]) {
     assert!(step_n <= FORCE_STEP_N, "{step_n} N in a tick");
 }
 
-/// The relay did what it was told: a share lost, doubled and overtaken, and the delay that was asked for. Its jitter is a fifth of that; the one
-/// datagram in twenty that overtakes others moves the median by a fifteenth of the jitter, and a busy machine by a millisecond.
+/// The relay did what it was told: a share lost, doubled and overtaken, and the delay that was asked for. Its jitter is
+/// a fifth of that; the one datagram in twenty that overtakes others moves the median by a fifteenth of the jitter, and
+/// a busy machine by a millisecond.
 fn assert_is_bad(report: &Report, [up_s, down_s]: [f64; 2], loss: f64) {
     println!("{report:?}");
     for (done, delay_s) in [(report.up, up_s), (report.down, down_s)] {
@@ -242,7 +244,8 @@ fn an_outage_of_five_seconds_while_cutting_is_felt_as_clay_and_leaves_both_sides
             println!("longest silence {longest_s:.2} s");
             assert!(4.9 < longest_s, "the outage was real: {longest_s} s");
             assert_eq!(rows[0].lease, rows.last().unwrap().lease, "one lease");
-            // No round trip shows that its clock runs fast: it needs no common clock. What came over the good line is left out.
+            // No round trip shows that its clock runs fast: it needs no common clock. What came over the good line is
+            // left out.
             let delayed: Vec<Row> = rows
                 .iter()
                 .filter(|row| row.rtt_s.is_some_and(|rtt_s| 0.02 < rtt_s))
@@ -297,7 +300,8 @@ fn a_server_that_is_half_dead_for_a_while_loses_nothing_and_nothing_queued_moves
     );
 }
 
-/// Under the schemes without a copy the force is gone a fifth of a second after the line is cut, and comes back without a step.
+/// Under the schemes without a copy the force is gone a fifth of a second after the line is cut, and comes back without
+/// a step.
 #[test]
 fn without_a_copy_a_cut_line_releases_the_hand_and_a_mended_one_brings_the_force_back_gently() {
     live(
@@ -358,7 +362,8 @@ fn without_a_copy_a_cut_line_releases_the_hand_and_a_mended_one_brings_the_force
     );
 }
 
-/// An uneven, jittering, lossy line: the passive schemes stay passive on it, as far as the server can see from the frames that came.
+/// An uneven, jittering, lossy line: the passive schemes stay passive on it, as far as the server can see from the
+/// frames that came.
 #[test]
 fn wave_and_tdpa_make_no_energy_on_an_uneven_line() {
     live(

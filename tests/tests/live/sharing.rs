@@ -63,7 +63,8 @@ fn two_operators_hold_two_tools_and_a_third_is_refused_with_the_reason() {
     assert_eq!(room.tools.len(), 2, "a free tool is shown, too");
 }
 
-/// The volume balance holds at every look of every test here, see the client; this one looks as often as it can, over several blocks.
+/// The volume balance holds at every look of every test here, see the client; this one looks as often as it can, over
+/// several blocks.
 #[test]
 fn volume_is_conserved_at_every_look_while_blocks_come_and_go() {
     let server = Server::on_free_ports().unwrap();
@@ -94,7 +95,8 @@ fn volume_is_conserved_at_every_look_while_blocks_come_and_go() {
     assert!(100 < looks);
 }
 
-/// A hand that cannot tell a change of 7 % misses nothing where such changes are not sent, and the line carries a fraction.
+/// A hand that cannot tell a change of 7 % misses nothing where such changes are not sent, and the line carries a
+/// fraction.
 #[test]
 fn with_a_deadband_most_frames_are_left_out_and_the_cut_goes_on() {
     let server = Server::on_free_ports().unwrap();
@@ -148,8 +150,8 @@ fn strokes(first: f64) -> String {
     (0..12).map(corner).collect::<Vec<_>>().join(";")
 }
 
-/// Two hands cut along one line, from both ends. What the one cuts comes to the other a delay late and moves its force, in bounded steps; the server, and
-/// whoever asks it, knows of that what the hands themselves wrote down.
+/// Two hands cut along one line, from both ends. What the one cuts comes to the other a delay late and moves its force,
+/// in bounded steps; the server, and whoever asks it, knows of that what the hands themselves wrote down.
 #[test]
 fn what_one_hand_cuts_moves_the_force_of_the_other_gently_and_the_server_tells() {
     const RANGE_N: f64 = 20.0;

@@ -99,7 +99,8 @@ async fn a_number_that_is_none_puts_the_session_into_fault_with_its_reason_until
         .status_when("a lease", PATIENCE, |status| status["lease"] != 0)
         .unwrap();
     let number = |name: &str| u32::try_from(status[name].as_u64().unwrap()).unwrap();
-    // Newer than what the handle has sent when it comes; the handle's own frames count again once they have passed this number.
+    // Newer than what the handle has sent when it comes; the handle's own frames count again once they have passed this
+    // number.
     let other = inject(&server.endpoint(), number("lease"), number("ticks") + 3000).await;
 
     let fault = client

@@ -1,5 +1,5 @@
-//! docker/ without Docker: other people's linters say whether image and compose file are sound; what this project promises of
-//! them is asked here.
+//! docker/ without Docker: other people's linters say whether image and compose file are sound; what this project
+//! promises of them is asked here.
 
 use std::fs;
 

@@ -1,5 +1,5 @@
-//! Finds circles of imports between the modules of a crate. Modules side by side are compared, each with all that lies below
-//! it; a module and its own parts may know each other.
+//! Finds circles of imports between the modules of a crate. Modules side by side are compared, each with all that lies
+//! below it; a module and its own parts may know each other.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -72,7 +72,8 @@ impl Room {
         circles.map(|circle| circle.join(", ")).collect()
     }
 
-    /// The module that holds what a path names: as far as there are modules, and further where one imports the next name.
+    /// The module that holds what a path names: as far as there are modules, and further where one imports the next
+    /// name.
     fn resolve(&self, path: &[String], depth: usize) -> ModulePath {
         let mut at = ModulePath::new();
         for (index, name) in path.iter().enumerate() {
@@ -123,8 +124,8 @@ fn module_path(file: &Path) -> ModulePath {
         .collect()
 }
 
-/// The paths from the crate's root that a module's code names, in imports and elsewhere. Its tests, which come last, may
-/// know more.
+/// The paths from the crate's root that a module's code names, in imports and elsewhere. Its tests, which come last,
+/// may know more.
 fn named_paths(module: &[String], source: &str) -> Vec<ModulePath> {
     let code: Vec<&str> = source
         .lines()
@@ -149,7 +150,8 @@ fn named_paths(module: &[String], source: &str) -> Vec<ModulePath> {
     found
 }
 
-/// Adds the paths that begin with `base` and go on as `rest` says, a brace for each of its members. Returns what follows.
+/// Adds the paths that begin with `base` and go on as `rest` says, a brace for each of its members. Returns what
+/// follows.
 fn expand<'a>(rest: &'a str, mut base: ModulePath, found: &mut Vec<ModulePath>) -> &'a str {
     let mut rest = rest.trim_start();
     if let Some(inside) = rest.strip_prefix('{') {

@@ -1,5 +1,6 @@
-//! Checks that what the documentation points at exists: links, pictures, headings, and folders and files of this workspace
-//! that stand in `code`. Addresses on the web are left alone, since a check must not depend on other people's machines.
+//! Checks that what the documentation points at exists: links, pictures, headings, and folders and files of this
+//! workspace that stand in `code`. Addresses on the web are left alone, since a check must not depend on other people's
+//! machines.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -104,8 +105,8 @@ fn broken(link: &str, page: &Path, pages: &BTreeMap<PathBuf, Page>) -> Option<St
     (!is_there).then(|| format!("there is no heading #{heading}"))
 }
 
-/// Whether `code` reads as a path from the workspace's root: its first part is a folder there, and it holds no placeholder
-/// and nothing that only a build makes.
+/// Whether `code` reads as a path from the workspace's root: its first part is a folder there, and it holds no
+/// placeholder and nothing that only a build makes.
 fn names_a_place(code: &str, root: &Path) -> bool {
     let is_plain = |c: char| c.is_ascii_alphanumeric() || "/._-".contains(c);
     let is_made = code.split('/').any(|part| NOT_OURS.contains(&part));

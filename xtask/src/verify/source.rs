@@ -1,4 +1,5 @@
-//! How sources are written: lines of prose to a width, doc comments of more than a word, files of a size that can be read.
+//! How sources are written: lines of prose to a width, doc comments of more than a word, files of a size that can be
+//! read.
 
 use std::path::Path;
 
@@ -42,8 +43,8 @@ pub(super) fn check(root: &Path) -> Result<Vec<String>> {
     Ok(wrong)
 }
 
-/// The numbers of lines of prose that are too long: of comments in code, of everything in Markdown. Tables and what stands
-/// between fences cannot be broken, nor can the address or the link that a line ends with.
+/// The numbers of lines of prose that are too long: of comments in code, of everything in Markdown. Tables and what
+/// stands between fences cannot be broken, nor can the address or the link that a line ends with.
 fn long_prose(text: &str, is_code: bool) -> impl Iterator<Item = usize> {
     let mut is_fenced = false;
     text.lines().enumerate().filter_map(move |(index, line)| {

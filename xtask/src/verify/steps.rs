@@ -24,8 +24,8 @@ const fn step(name: &'static str, what: &'static str, run: fn() -> Result<()>) -
     Step { name, what, run }
 }
 
-/// In this order: what is quick and often wrong comes first; what needs the release programs comes after they are built,
-/// and the dashboard before them, because the server carries it inside.
+/// In this order: what is quick and often wrong comes first; what needs the release programs comes after they are
+/// built, and the dashboard before them, because the server carries it inside.
 #[rustfmt::skip]
 pub(super) const STEPS: [Step; 17] = [
     step("tools", "what the tests need is there, or is installed", tools),
@@ -90,7 +90,8 @@ fn clippy() -> Result<()> {
     cargo_with("clippy --release --workspace --all-targets --locked -- -D warnings")
 }
 
-/// `[KHMH03]` looks like a link to rustdoc; the links step checks such keys against docs/papers.md. Maps name private modules.
+/// `[KHMH03]` looks like a link to rustdoc; the links step checks such keys against docs/papers.md. Maps name private
+/// modules.
 const CITATIONS_ALLOWED: &str =
     "-D warnings -A rustdoc::broken_intra_doc_links -A rustdoc::private_intra_doc_links";
 

@@ -1,4 +1,5 @@
-// The Experiment page: Fig. 7 of the paper, as a run through the real clay and from the running session, theory over both.
+// The Experiment page: Fig. 7 of the paper, as a run through the real clay and from the running session, theory over
+// both.
 
 import { useComputed } from "@preact/signals";
 import type { JSX } from "preact";

@@ -7,7 +7,7 @@ export interface Settings {
   readonly virtual_mass_kg: number;
   readonly virtual_damping_n_s_per_m: number;
   readonly position_ratio: number;
-  /** `|A_h2|`. */
+  /** Force ratio `|A_h2|`, hand force per clay force. */
   readonly force_ratio: number;
   readonly hand_force_n: number;
   readonly hand_force_at: HandForceAt;

@@ -1,5 +1,5 @@
-// Fig. 7 from the running session: what the last passage through each range came to, and what the theory says to the hand's own
-// force there. SI units; positions are the handle's, counted from where the block begins.
+// Fig. 7 from the running session: what the last passage through each range came to, and what the theory says to the
+// hand's own force there. SI units; positions are the handle's, counted from where the block begins.
 
 import type { Session, ToolState } from "../../protocol/session";
 
@@ -17,7 +17,7 @@ export interface LivePath {
 export interface HandleLaw {
   readonly virtual_damping_n_s_per_m: number;
   readonly position_ratio: number;
-  /** `|A_h2|`. */
+  /** Force ratio `|A_h2|`, hand force per clay force. */
   readonly force_ratio: number;
 }
 
@@ -42,7 +42,9 @@ export interface Passage extends SessionRange {
 
 /** Fewer samples than this make no mean. */
 const LEAST_SAMPLES = 8;
-/** Of a range's length: the hand has settled by the time it comes to its last third, and the next step is not felt yet. */
+/**
+ * Of a range's length: the hand has settled by the time it comes to its last third, and the next step is not felt yet.
+ */
 const WINDOW = { from: 0.66, to: 0.97 };
 
 /** The ranges of a session that cuts the stepped block with a blade; none for any other. */
@@ -90,7 +92,10 @@ export function theoryAt(
   return Math.max(push_n, 0) / (virtual_damping_n_s_per_m + (position_ratio / force_ratio) * viscosity_pa_s_per_m * area_m2);
 }
 
-/** Indices of the samples of the newest forward passage through a range's window that is long enough for a mean; or none. */
+/**
+ * Indices of the samples of the newest forward passage through a range's window that is long enough for a mean; or
+ * none.
+ */
 function newestPassage({ position_m, velocity_m_s }: LivePath, { from_m, to_m }: SessionRange): number[] {
   const length_m = to_m - from_m;
   const isWithin = (n: number): boolean =>

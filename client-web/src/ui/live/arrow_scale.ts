@@ -1,4 +1,5 @@
-// How long a newton is drawn: the greatest force of the last seconds gets an arrow that is easily seen and stays in view.
+// How long a newton is drawn: the greatest force of the last seconds gets an arrow that is easily seen and stays in
+// view.
 
 const LONGEST_MM = 45;
 /** Millimetres per newton that read well beside the picture. */

@@ -1,4 +1,5 @@
-// A guided hint: three presses of a button, or the sliders themselves, and a person has seen what delay does and what undoes it.
+// A guided hint: three presses of a button, or the sliders themselves, and a person has seen what delay does and what
+// undoes it.
 
 import { useComputed, useSignal } from "@preact/signals";
 import type { JSX } from "preact";

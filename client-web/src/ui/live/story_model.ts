@@ -1,5 +1,5 @@
-// The story in three steps: a crisp loop, the same loop under delay, and the replica under the same delay. Which step the session
-// is in is read off the session, whoever brought it there; what each step came to is measured on the way.
+// The story in three steps: a crisp loop, the same loop under delay, and the replica under the same delay. Which step
+// the session is in is read off the session, whoever brought it there; what each step came to is measured on the way.
 
 import { signal } from "@preact/signals";
 import type { Scheme, Session } from "../../protocol/session";

@@ -6,8 +6,9 @@ const WINDOW_S = 0.4;
 const LEAST_WINDOWS = 4;
 
 /**
- * How far a vector swings about its own mean within a window, root mean square; of the median window, so that the few in which a
- * stroke turns round do not count. `points` are x, y, z one after the other, `step_s` apart. Nothing when they are too few.
+ * How far a vector swings about its own mean within a window, root mean square; of the median window, so that the few
+ * in which a stroke turns round do not count. `points` are x, y, z one after the other, `step_s` apart. Nothing when
+ * they are too few.
  */
 export function swingOf(points: readonly number[], step_s: number): number | undefined {
   const count = Math.floor(points.length / 3);

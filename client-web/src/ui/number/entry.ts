@@ -34,7 +34,7 @@ export interface EntryOptions {
   readonly value: number | undefined;
   readonly ofField: Unit;
   readonly check: Check | undefined;
-  /** SI. */
+  /** Takes the new value, in SI units. */
   readonly onWish: (si: number) => void;
 }
 

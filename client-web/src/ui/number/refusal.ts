@@ -22,7 +22,10 @@ export interface Named extends Unit {
   readonly label: string;
 }
 
-/** A problem as a sentence: its field by the label that people see, its numbers in that field's unit. Below `/edges_m` all is called as that is. */
+/**
+ * A problem as a sentence: its field by the label that people see, its numbers in that field's unit. Below `/edges_m`
+ * all is called as that is.
+ */
 export function problemIn(fields: Readonly<Record<string, Named>>, problem: Problem): string {
   const { pointer, detail } = problem;
   if (pointer === undefined || pointer === null) return detail;

@@ -65,7 +65,10 @@ type Mantissa =
   | { readonly kind: "two"; readonly either: string; readonly or: string }
   | { readonly kind: "none" };
 
-/** Digits with one meaning. Spaces and apostrophes part thousands; a point or comma parts them where it comes twice, or before the other one. */
+/**
+ * Digits with one meaning. Spaces and apostrophes part thousands; a point or comma parts them where it comes twice, or
+ * before the other one.
+ */
 function readMantissa(text: string): Mantissa {
   if (/^\d+$/.test(text)) return one(text);
   if (/^\d*[.,]\d*$/.test(text)) return text.includes(",") ? decimalComma(text) : one(text);

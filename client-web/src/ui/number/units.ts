@@ -17,7 +17,10 @@ const TABLES: readonly Units[] = [
   { "°": Math.PI / 180, deg: Math.PI / 180, degrees: Math.PI / 180, rad: 1 },
 ];
 
-/** What a written unit is, beside the unit of a field: SI per unit, or nothing when it measures something else or nothing at all. */
+/**
+ * What a written unit is, beside the unit of a field: SI per unit, or nothing when it measures something else or
+ * nothing at all.
+ */
 export function perUnit(written: string, ofField: string): number | undefined {
   const table = tableOf(ofField);
   if (table === undefined) return undefined;

@@ -9,7 +9,10 @@ import { theory } from "../store";
 const DESKTOP: RobotGeometry = {
   base_radius_m: 0.12, platform_radius_m: 0.04, upper_link_m: 0.1, lower_link_m: 0.2, arm_angles_deg: [0, 120, 240],
 };
-/** Where the desktop robot's handle rests: so high it moves alike in all directions. `teleclay-handle --device robot` is at home there. */
+/**
+ * Where the desktop robot's handle rests: so high it moves alike in all directions. `teleclay-handle --device robot` is
+ * at home there.
+ */
 const AMID_M = 0.17;
 /** As fine as one answer may be: 91,125 of 100,000 cells. */
 const CELLS = [45, 45, 45] as const;

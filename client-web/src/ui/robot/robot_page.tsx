@@ -1,5 +1,5 @@
-// The Robot page: the three arms moving with the live handle, its joint angles on every branch, where it reaches, and how far
-// it is from where it cannot move.
+// The Robot page: the three arms moving with the live handle, its joint angles on every branch, where it reaches, and
+// how far it is from where it cannot move.
 
 import { useComputed, useSignal, useSignalEffect } from "@preact/signals";
 import type { JSX } from "preact";

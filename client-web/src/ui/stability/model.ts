@@ -13,7 +13,7 @@ export interface Settings {
   readonly damping_n_s_per_m: number;
   readonly stiffness_n_per_m: number;
   readonly position_ratio: number;
-  /** `|A_h2|`. */
+  /** Force ratio `|A_h2|`, hand force per clay force. */
   readonly force_ratio: number;
   readonly clay_damping_n_s_per_m: number;
   readonly clay_stiffness_n_per_m: number;

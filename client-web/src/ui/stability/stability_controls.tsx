@@ -10,7 +10,7 @@ import { type NumberSetting, PRESETS, round_trip_s, set, settings } from "./mode
 
 interface Row extends Quantity {
   readonly setting: NumberSetting;
-  /** SI. */
+  /** Bounds in SI units. */
   readonly least: number;
   readonly greatest: number;
 }

@@ -1,5 +1,5 @@
-// The Stability page: gains, clay and delay on sliders; what the loop does with them, how near it is to doing something else,
-// and why.
+// The Stability page: gains, clay and delay on sliders; what the loop does with them, how near it is to doing something
+// else, and why.
 
 import { computed, useComputed, useSignal, useSignalEffect } from "@preact/signals";
 import type { JSX } from "preact";

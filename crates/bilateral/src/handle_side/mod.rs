@@ -4,8 +4,8 @@
 //! device sample ─> input check ─> scheme's reaction ─> ramps ─> limiter ─> + hand force ─> C_h1 ─> position command v_h
 //! ```
 //!
-//! `v_h = C_h1 (f_h + reaction)`: for force exchange that is [KHMH03] (21) with (30). The command starts at the place where the device stands when
-//! the loop takes over, so taking over moves nothing.
+//! `v_h = C_h1 (f_h + reaction)`: for force exchange that is [KHMH03] (21) with (30). The command starts at the place
+//! where the device stands when the loop takes over, so taking over moves nothing.
 
 mod felt;
 mod frames;
@@ -70,12 +70,12 @@ pub struct Lease {
 pub enum Retired {
     /// A controller of a scheme.
     Controller {
-        /// It.
+        /// The controller that is no longer used.
         _controller: Box<dyn HandleController>,
     },
     /// A copy of the clay.
     Clay {
-        /// It.
+        /// The copy that is no longer used.
         _clay: Box<Clay>,
     },
 }
@@ -99,8 +99,10 @@ pub struct HandleStep {
 ///    [`handle_peer_gone`](Self::handle_peer_gone).
 /// 2. What changes it between two ticks: [`move_to`](Self::move_to), [`set_deadband`](Self::set_deadband), [`provide`](Self::provide),
 ///    [`leave`](Self::leave); then [`step`](Self::step), a tick.
-/// 3. What the step gives: [`frame_to_send`](Self::frame_to_send), then [`poll_retired`](Self::poll_retired) until it gives nothing more.
-/// 4. Everything else is a getter; [`wanted_snapshot`](Self::wanted_snapshot) and [`wanted_controller`](Self::wanted_controller) say what to bring.
+/// 3. What the step gives: [`frame_to_send`](Self::frame_to_send), then [`poll_retired`](Self::poll_retired) until it
+///    gives nothing more.
+/// 4. Everything else is a getter; [`wanted_snapshot`](Self::wanted_snapshot) and
+///    [`wanted_controller`](Self::wanted_controller) say what to bring.
 ///
 /// None of these allocates, but for [`code_perceptually`](Self::code_perceptually), [`restock`](Self::restock) and [`new`](Self::new).
 pub struct HandleSide {
@@ -261,7 +263,8 @@ impl HandleSide {
         &self.frame
     }
 
-    /// The frame to be sent now, if the last step made one that the other side would miss. Without perceptual coding every step does.
+    /// The frame to be sent now, if the last step made one that the other side would miss. Without perceptual coding
+    /// every step does.
     pub fn frame_to_send(&self) -> Option<&HandleFrame> {
         self.is_due.then_some(&self.frame)
     }
@@ -271,7 +274,8 @@ impl HandleSide {
         self.controller.clay_copy()?.wanted_snapshot()
     }
 
-    /// A snapshot of the server's clay. One that no scheme here has a use for waits to be dropped, see [`HandleSide::poll_retired`].
+    /// A snapshot of the server's clay. One that no scheme here has a use for waits to be dropped, see
+    /// [`HandleSide::poll_retired`].
     pub fn handle_snapshot(&mut self, snapshot: Snapshot) -> Option<Snapshot> {
         match self.controller.clay_copy_mut() {
             Some(copy) => {
@@ -334,8 +338,8 @@ impl HandleSide {
         &self.model.context
     }
 
-    /// The tool side is known to have gone, by other means than its silence: the force ramps to zero whatever the scheme, until a frame that arrives
-    /// later than `now` by more than the allowed silence shows that it is there.
+    /// The tool side is known to have gone, by other means than its silence: the force ramps to zero whatever the
+    /// scheme, until a frame that arrives later than `now` by more than the allowed silence shows that it is there.
     pub fn handle_peer_gone(&mut self, now: Timestamp) {
         self.gone_since = Some(now);
     }

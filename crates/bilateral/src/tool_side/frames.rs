@@ -9,9 +9,9 @@ use teleclay_proto::frame::{Engagement, HandleFrame, LoopStatus, SweepRefusal};
 use super::{Permission, ToolSide, ToolStep};
 
 impl ToolSide {
-    /// A frame came from the handle side. Frames under another lease are not ours; what was meant for an earlier server of
-    /// the session is not acted on; older frames are counted, and shown to a scheme that plays its samples in order. Of
-    /// frames that waited in a queue only the facts count.
+    /// A frame came from the handle side. Frames under another lease are not ours; what was meant for an earlier server
+    /// of the session is not acted on; older frames are counted, and shown to a scheme that plays its samples in order.
+    /// Of frames that waited in a queue only the facts count.
     pub fn handle_frame(&mut self, now: Timestamp, frame: &HandleFrame) {
         let header = &frame.header;
         if header.lease != self.frame.header.lease {

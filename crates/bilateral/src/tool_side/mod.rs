@@ -4,9 +4,9 @@
 //! frames ─> input check ─> scheme's reference ─> motion limiter ─> G_t^-1 ─v_t─> G_t ─y_t─> clay: cut, contact, reaction ─> frame
 //! ```
 //!
-//! The motion limiter ([`teleclay_link::motion_limiter`]) is where motion stops: it follows the scheme's reference step by step
-//! while frames come, and holds the tool while they do not, while the session is paused and after a fault. Where the handle has
-//! cut a copy of the clay, its sweeps are merged instead ([`teleclay_link::scheme::replica`]).
+//! The motion limiter ([`teleclay_link::motion_limiter`]) is where motion stops: it follows the scheme's reference step
+//! by step while frames come, and holds the tool while they do not, while the session is paused and after a fault.
+//! Where the handle has cut a copy of the clay, its sweeps are merged instead ([`teleclay_link::scheme::replica`]).
 
 mod frames;
 mod motion;
@@ -39,7 +39,8 @@ use track::Track;
 /// Cuts that one tick can make: its own or, where sweeps are merged, as many as a tick may merge.
 pub const CUTS_A_TICK: usize = 64;
 
-/// A holder who says goodbye is waited for so long, until what was cut before has been merged: a few round trips of a long line.
+/// A holder who says goodbye is waited for so long, until what was cut before has been merged: a few round trips of a
+/// long line.
 const LAST_SWEEPS_WITHIN: Duration = Duration::from_millis(500);
 
 /// Whether the session lets its tools work.
@@ -70,7 +71,8 @@ pub struct ToolStep {
 /// 2. What changes it between two ticks: [`attach`](Self::attach), [`change_scheme`](Self::change_scheme),
 ///    [`start_on_fresh_block`](Self::start_on_fresh_block), [`move_to`](Self::move_to), [`set_revision`](Self::set_revision),
 ///    [`set_deadband`](Self::set_deadband); then [`step`](Self::step), a tick.
-/// 3. What the step gives: [`cuts`](Self::cuts) for the other tools, and [`frame_to_send`](Self::frame_to_send) for the handle.
+/// 3. What the step gives: [`cuts`](Self::cuts) for the other tools, and [`frame_to_send`](Self::frame_to_send) for the
+///    handle.
 /// 4. Everything else is a getter.
 ///
 /// None of these allocates, but for [`code_perceptually`](Self::code_perceptually) and [`new`](Self::new).
@@ -177,7 +179,8 @@ impl ToolSide {
         self.controller.relay(cut);
     }
 
-    /// An operator takes hold of the tool under `lease`: frames of this generation and later ones are meant for this side.
+    /// An operator takes hold of the tool under `lease`: frames of this generation and later ones are meant for this
+    /// side.
     pub fn attach(&mut self, lease: u32, ownership_epoch: u32, generation: Generation) {
         let header = &mut self.frame.header;
         header.lease = lease;
@@ -188,8 +191,8 @@ impl ToolSide {
         self.controller.on_fresh_block(generation.epoch);
     }
 
-    /// Changes the scheme; the tool goes on from where it stands. `generation` says from which revision on frames are meant for it. The controller is
-    /// exchanged for the one that is done.
+    /// Changes the scheme; the tool goes on from where it stands. `generation` says from which revision on frames are
+    /// meant for it. The controller is exchanged for the one that is done.
     pub fn change_scheme(
         &mut self,
         scheme: Scheme,
@@ -218,7 +221,8 @@ impl ToolSide {
         };
     }
 
-    /// The clay was exchanged for a fresh block: the tool goes to where its handle is, without cutting, and a fault is over.
+    /// The clay was exchanged for a fresh block: the tool goes to where its handle is, without cutting, and a fault is
+    /// over.
     pub fn start_on_fresh_block(&mut self, generation: Generation) {
         self.fault = None;
         self.frame.header.revision = generation.since_revision;
@@ -239,7 +243,8 @@ impl ToolSide {
         self.frame.header.revision = revision;
     }
 
-    /// From now on leaves out the frames whose change is below this share of what is felt, and takes it that the handle does so too; 0 sends every one.
+    /// From now on leaves out the frames whose change is below this share of what is felt, and takes it that the handle
+    /// does so too; 0 sends every one.
     ///
     /// # Errors
     /// There is no such share; nothing changes.
@@ -305,7 +310,8 @@ impl ToolSide {
         &self.cuts
     }
 
-    /// The frame to be sent now, if the last step made one that the other side would miss. Without perceptual coding every step does.
+    /// The frame to be sent now, if the last step made one that the other side would miss. Without perceptual coding
+    /// every step does.
     pub fn frame_to_send(&self) -> Option<&ToolFrame> {
         self.is_due.then_some(&self.frame)
     }

@@ -14,7 +14,8 @@ use teleclay_proto::frame::Engagement;
 use super::{Permission, ToolSide, ToolStep};
 
 impl ToolSide {
-    /// Puts the tool where the handle is, at rest, without cutting on the way; for a fresh block, and for the first frame.
+    /// Puts the tool where the handle is, at rest, without cutting on the way; for a fresh block, and for the first
+    /// frame.
     pub fn reindex(&mut self) {
         let handle = self.handle.position();
         self.controller.reindex(handle);

@@ -5,16 +5,16 @@ use super::{BrickAt, HALF_UNITS, InBrick, RAMP, SLACK, Solid, Tables, TileIndex,
 use crate::lanes::{F32x4, LANES, Tile};
 use crate::tool::Ball;
 
-/// Relative rounding error of a distance in single precision: of coordinates, their squares, the sum and the root, and as much
-/// again in reserve.
+/// Relative rounding error of a distance in single precision: of coordinates, their squares, the sum and the root, and
+/// as much again in reserve.
 pub(super) const DISTANCE_ERROR: f64 = 1e-6;
 
 /// The ball in units of what is left over, voxel centres at whole multiples of [`UNITS_PER_VOXEL`].
 ///
-/// A short step leaves what its two balls leave. Between them the capsule about the segment has hardly any more room: at a distance `d`
-/// from the segment, its belt is nearer by at most `step^2 / 8 d`, which is a quarter of a unit of what is left, or less
-/// ([`BallStep::suits`]). And what a ball leaves is a function of its own place alone, so the ball at the end of one step and the ball at the
-/// start of the next are the same to the last bit.
+/// A short step leaves what its two balls leave. Between them the capsule about the segment has hardly any more room:
+/// at a distance `d` from the segment, its belt is nearer by at most `step^2 / 8 d`, which is a quarter of a unit of
+/// what is left, or less ([`BallStep::suits`]). And what a ball leaves is a function of its own place alone, so the
+/// ball at the end of one step and the ball at the start of the next are the same to the last bit.
 pub(super) struct BallStep {
     centre: Centre,
     /// What is left over is the distance from the centre, plus this.
@@ -67,8 +67,8 @@ impl BallStep {
     pub(super) fn new(ball: &Ball, segment: &Segment) -> Self {
         let radius = ball.radius_m() * segment.per_metre;
         let length = segment.length_squared().sqrt();
-        // Behind the middle by `b`, the ball at the end is the farther one by `b length / distance`, which must be more than both
-        // distances may be off.
+        // Behind the middle by `b`, the ball at the end is the farther one by `b length / distance`, which must be more
+        // than both distances may be off.
         let size = radius + RAMP + SLACK + length;
         let generosity = SLACK * length + 4.0 * DISTANCE_ERROR * size * size;
         let here = Self::set_down(ball, &segment.backwards());
@@ -136,12 +136,13 @@ pub(super) fn clear_squared(radius: f64) -> f32 {
     square_in_units(radius)
 }
 
-/// Numbers of voxels: squared ways from the centre; along z also from the ball at the start, and how far they are ahead.
+/// Numbers of voxels: squared ways from the centre; along z also from the ball at the start, and how far they are
+/// ahead.
 const SQUARED: usize = 0;
 const Z_FROM_SQUARED: usize = 1;
 const Z_AHEAD: usize = 2;
-/// Numbers of fours: the least square of the way from the centre, the greatest from the ball at the start, and how far they are ahead
-/// at most.
+/// Numbers of fours: the least square of the way from the centre, the greatest from the ball at the start, and how far
+/// they are ahead at most.
 const NEAREST: usize = 0;
 const FARTHEST: usize = 1;
 const AHEAD: usize = 2;

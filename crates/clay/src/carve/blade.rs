@@ -1,9 +1,9 @@
 //! A blade swept along a straight segment: the hull of two boxes.
 //!
-//! The hull of a box and its copy moved by `m` is bounded by the box's own six planes, each where its box is farther out, and by the
-//! planes that contain an edge direction and `m`: normals `e x m`, one for each axis `e`. The distance outside the hull is the greatest of
-//! the distances outside these planes, that outside a box the greatest outside its six; a voxel counts by the lesser of hull and the box at
-//! the end, which differ only outside the edges of the box.
+//! The hull of a box and its copy moved by `m` is bounded by the box's own six planes, each where its box is farther
+//! out, and by the planes that contain an edge direction and `m`: normals `e x m`, one for each axis `e`. The distance
+//! outside the hull is the greatest of the distances outside these planes, that outside a box the greatest outside its
+//! six; a voxel counts by the lesser of hull and the box at the end, which differ only outside the edges of the box.
 
 use super::segment::Segment;
 use super::{BrickAt, HALF_UNITS, InBrick, RAMP, SLACK, Solid, Tables, TileIndex, UNITS_PER_VOXEL};
@@ -12,15 +12,16 @@ use crate::tool::{Blade, ToolShape};
 
 /// The hull in voxel units, voxel centres at whole numbers.
 ///
-/// Where a plane that does not advance decides, the distance is that of the box at the start to the last bit, which is what
-/// makes it exact to look only at what the blade pushes ahead of itself.
+/// Where a plane that does not advance decides, the distance is that of the box at the start to the last bit, which is
+/// what makes it exact to look only at what the blade pushes ahead of itself.
 pub(super) struct BladeSweep {
     axes: [Axis; 3],
     slabs: Slabs,
     /// Distance outside the hull from which on everything is left, and inside it from which on nothing is.
     reach: f32,
     slack: f32,
-    /// Distance outside the box at the start up to which nothing is left: that inside it where the box is cut already, none where it is not.
+    /// Distance outside the box at the start up to which nothing is left: that inside it where the box is cut already,
+    /// none where it is not.
     clear: f32,
     bounds: [[i32; 2]; 3],
 }
@@ -29,7 +30,8 @@ pub(super) struct BladeSweep {
 #[derive(Clone, Copy)]
 struct Axis {
     half: f32,
-    /// What to add to a voxel's index to get the way to it from the middle of the box at start and end, and of the hull.
+    /// What to add to a voxel's index to get the way to it from the middle of the box at start and end, and of the
+    /// hull.
     from: f32,
     to: f32,
     middle: f32,
@@ -46,7 +48,8 @@ struct Slab {
     half: f32,
 }
 
-/// The slabs whose planes are askew to the axes: none for a segment along an axis, one for a segment across one, else three.
+/// The slabs whose planes are askew to the axes: none for a segment along an axis, one for a segment across one, else
+/// three.
 #[derive(Clone, Copy, Default)]
 struct Slabs {
     of: [Slab; 3],
@@ -147,8 +150,8 @@ impl Axis {
     }
 }
 
-/// Bounds on distances of some places: the least outside the hull; outside the box at the start the greatest, the greatest outside its
-/// planes that advance and the least outside those that do not.
+/// Bounds on distances of some places: the least outside the hull; outside the box at the start the greatest, the
+/// greatest outside its planes that advance and the least outside those that do not.
 #[derive(Clone, Copy)]
 struct Bounds {
     nearest: F32x4,
@@ -220,15 +223,16 @@ impl Slabs {
     }
 }
 
-/// What is left over at a distance outside a solid. It grows with the distance in spite of rounding, so the greatest or least of
-/// several is the same before and after.
+/// What is left over at a distance outside a solid. It grows with the distance in spite of rounding, so the greatest or
+/// least of several is the same before and after.
 #[inline(always)]
 fn left_over(distance: F32x4) -> F32x4 {
     F32x4::splat(HALF_UNITS as f32) + F32x4::splat(UNITS_PER_VOXEL as f32) * distance
 }
 
-/// Numbers of voxels: what is left over by the distance outside the hull's planes across the axis, and outside those of the box at the
-/// end; ways along the normals of three slabs; and along z, where a layer is one voxel thick, [`Bounds`].
+/// Numbers of voxels: what is left over by the distance outside the hull's planes across the axis, and outside those of
+/// the box at the end; ways along the normals of three slabs; and along z, where a layer is one voxel thick,
+/// [`Bounds`].
 const HULL: usize = 0;
 const END: usize = 1;
 const SLABS: [usize; 3] = [2, 3, 4];
@@ -330,15 +334,16 @@ impl Solid for BladeSweep {
     }
 }
 
-/// The hull in one brick. The distance outside several planes is the greatest of the distances, each a matter of one axis, but for the
-/// planes askew.
+/// The hull in one brick. The distance outside several planes is the greatest of the distances, each a matter of one
+/// axis, but for the planes askew.
 struct BladeInBrick<'a> {
     tables: &'a Tables,
     at: BrickAt,
     tiles: Bounds,
     /// Of bands, together with the extremes over all tiles.
     any_tile: Bounds,
-    /// Of each slab, half its thickness, and how far a tile's middle may be from its middle for anything in the tile to change.
+    /// Of each slab, half its thickness, and how far a tile's middle may be from its middle for anything in the tile to
+    /// change.
     slabs: [[F32x4; 2]; 3],
     slab_count: usize,
     reach: F32x4,
@@ -347,8 +352,8 @@ struct BladeInBrick<'a> {
 }
 
 impl BladeInBrick<'_> {
-    /// Within reach of the hull, not wholly where nothing is left, and not wholly where a plane that does not advance is the farthest
-    /// seen from the box at the start: there nothing changes.
+    /// Within reach of the hull, not wholly where nothing is left, and not wholly where a plane that does not advance
+    /// is the farthest seen from the box at the start: there nothing changes.
     #[inline(always)]
     fn may_change(&self, layer: usize, bounds: Bounds) -> u32 {
         let of_layer = |number: usize| self.tables.layer(LAYER_BOUNDS[number], self.at, layer);

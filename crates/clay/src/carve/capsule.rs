@@ -11,10 +11,12 @@ use crate::tool::Ball;
 const TILE_RADIUS: f64 = 1.5 * std::f64::consts::SQRT_2;
 /// From the middle of a brick to the farthest of its voxels, in voxels.
 const BRICK_RADIUS: f64 = 7.5 * 1.732_050_807_568_877_2;
-/// Stands for the square of a distance at which everything is left: far from what overflows an integer once its root is taken.
+/// Stands for the square of a distance at which everything is left: far from what overflows an integer once its root is
+/// taken.
 const BEYOND_SQUARED: f32 = 1e16;
 
-/// The capsule in units of what is left over, as in [`super::ball::BallStep`], given that the ball where it starts is cut already.
+/// The capsule in units of what is left over, as in [`super::ball::BallStep`], given that the ball where it starts is
+/// cut already.
 ///
 /// It leaves what the ball at its end leaves, or the cylinder between start and end where that leaves less.
 pub(super) struct CapsuleSweep {
@@ -26,7 +28,8 @@ pub(super) struct CapsuleSweep {
     step: [f32; 3],
     /// Turns a way along the step, voxels times units, into a share of it.
     share_per_along: f32,
-    /// Squares of the distances of a tile's middle from the segment beyond which everything in it is left, and from the start below which nothing is.
+    /// Squares of the distances of a tile's middle from the segment beyond which everything in it is left, and from the
+    /// start below which nothing is.
     reach_squared: f32,
     clear_squared: f32,
     /// A tile has something ahead of the start where its middle's way from there along the step is more than this.

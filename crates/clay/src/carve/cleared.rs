@@ -7,14 +7,14 @@ use crate::tool::ToolShape;
 /// What is known about the clay before a sweep.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Start {
-    /// Nothing.
+    /// Nothing is known.
     Unknown,
     /// The same solid was carved at the sweep's start and nothing was put back since.
     Clear,
 }
 
-/// Solids known to be carved where tools last stopped: a sweep that starts there need not look behind itself. Kept per tool, for as many
-/// tools as may work in turns.
+/// Solids known to be carved where tools last stopped: a sweep that starts there need not look behind itself. Kept per
+/// tool, for as many tools as may work in turns.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Cleared {
     places: [Option<(ToolShape, Pose)>; 8],

@@ -24,7 +24,8 @@ impl List {
         self.len = 0;
     }
 
-    /// Adds those of the four numbers from `first` on, a multiple of four, of which the bit is set. Takes up to [`MOST`] in all.
+    /// Adds those of the four numbers from `first` on, a multiple of four, of which the bit is set. Takes up to
+    /// [`MOST`] in all.
     #[inline(always)]
     pub(super) fn push(&mut self, first: usize, bits: u32) {
         let (numbers, count) = CHOSEN[bits as usize & 0xF];

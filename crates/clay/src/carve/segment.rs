@@ -3,8 +3,8 @@
 use crate::pose::STEPS_PER_METRE;
 use crate::sweep::Sweep;
 
-/// Rounding error of a coordinate in single precision, relative to the largest that occurs: half a unit in the last place for the
-/// offset and for the sum, and as much again in reserve.
+/// Rounding error of a coordinate in single precision, relative to the largest that occurs: half a unit in the last
+/// place for the offset and for the sum, and as much again in reserve.
 const COORDINATE_ERROR: f64 = 2.4e-7;
 
 /// A sweep's poses in voxels, with voxel centres at whole numbers.

@@ -13,8 +13,8 @@ const GOLDEN: f64 = 0.618_033_988_749_894_9;
 /// Cosine and sine of the golden angle, 2 pi (1 - GOLDEN).
 const GOLDEN_ANGLE: (f64, f64) = (-0.737_368_878_078_319_9, 0.675_490_294_261_524);
 
-/// A tool ready to feel clay: its shape with points spread over its surface. Built once, used every tick, on clay of any
-/// voxel size.
+/// A tool ready to feel clay: its shape with points spread over its surface. Built once, used every tick, on clay of
+/// any voxel size.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tool {
     shape: ToolShape,
@@ -24,8 +24,8 @@ pub struct Tool {
     pub(super) radius_m: Option<f64>,
 }
 
-/// Points, and with each the one opposite through the tool's middle. Whichever way the tool moves, one of the two leads and the
-/// other trails.
+/// Points, and with each the one opposite through the tool's middle. Whichever way the tool moves, one of the two leads
+/// and the other trails.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct FacePairs {
     /// From the tool's middle, along x, y, z, m.
@@ -146,8 +146,8 @@ fn blade_pairs(blade: &Blade) -> Vec<FacePair> {
     pairs
 }
 
-/// Distance between the rows of points along the longer edge of a blade's faces across `axis`, m: clay that ends between two rows is felt to end at one of
-/// them.
+/// Distance between the rows of points along the longer edge of a blade's faces across `axis`, m: clay that ends
+/// between two rows is felt to end at one of them.
 ///
 /// # Panics
 /// When `axis` is not 0, 1 or 2.

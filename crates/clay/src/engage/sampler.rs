@@ -7,13 +7,13 @@ use crate::grid::BRICK_EDGE;
 use crate::lanes::{F32x4, I32x4, LANES};
 use crate::pose::Pose;
 
-/// A flat face that slants more than this against the motion is felt nearer than [`LOOK_AHEAD_VOXELS`], so as not to reach far beyond its
-/// edge. Little of it counts.
+/// A flat face that slants more than this against the motion is felt nearer than [`LOOK_AHEAD_VOXELS`], so as not to
+/// reach far beyond its edge. Little of it counts.
 const LEAST_COSINE: f32 = 0.25;
 
-/// Interpolated occupancy from which on clay counts as standing ahead in full, and below which it does not count, as shares of
-/// solid. In between lies the edge of clay, at half; but nearly all of it is above, as half is also what the wall of a cut holds beside the
-/// tool.
+/// Interpolated occupancy from which on clay counts as standing ahead in full, and below which it does not count, as
+/// shares of solid. In between lies the edge of clay, at half; but nearly all of it is above, as half is also what the
+/// wall of a cut holds beside the tool.
 const FULL_FROM: f64 = 0.65;
 const NONE_BELOW: f64 = 0.45;
 

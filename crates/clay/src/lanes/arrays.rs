@@ -130,8 +130,8 @@ impl F32x4 {
     }
 }
 
-/// Adding this to a single of magnitude below `2^22` leaves its value, rounded to nearest with ties to even, in the low bits of
-/// the sum: rounding without a library call whose result could differ from machine to machine.
+/// Adding this to a single of magnitude below `2^22` leaves its value, rounded to nearest with ties to even, in the low
+/// bits of the sum: rounding without a library call whose result could differ from machine to machine.
 const ROUNDER: f32 = 12_582_912.0;
 
 fn nearest(at: f32) -> i32 {
@@ -213,8 +213,8 @@ impl Add for I32x4 {
 }
 
 impl Tile {
-    /// The whole numbers nearest to these, ties to even, and kept between 0 and 255. None may be NaN, nor anywhere near what
-    /// overflows an integer.
+    /// The whole numbers nearest to these, ties to even, and kept between 0 and 255. None may be NaN, nor anywhere near
+    /// what overflows an integer.
     pub(crate) fn nearest(rows: [F32x4; LANES]) -> Self {
         let kept = |at: f32| at.clamp(0.0, 255.0);
         Self(rows.map(|row| row.0.map(|at| nearest(kept(at)) as u8)))

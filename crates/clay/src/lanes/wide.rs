@@ -1,7 +1,7 @@
 //! The same operations with whatever instructions the processor has besides.
 //!
-//! Newer instructions save moves between registers; they round as the old ones do, and nothing here lets a compiler fuse a
-//! multiplication with an addition. So results do not depend on whether a processor has them.
+//! Newer instructions save moves between registers; they round as the old ones do, and nothing here lets a compiler
+//! fuse a multiplication with an addition. So results do not depend on whether a processor has them.
 // A function for newer instructions may be called only where the processor has them, and only we can know that.
 #![allow(unsafe_code)]
 

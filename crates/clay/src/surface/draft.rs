@@ -443,8 +443,8 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(4096))]
 
-        /// Wherever in their cells the corners of a quadrilateral lie, both halves of it face along the edge, also when coordinates
-        /// have been rounded to millimetres at the far end of the largest grid.
+        /// Wherever in their cells the corners of a quadrilateral lie, both halves of it face along the edge, also when
+        /// coordinates have been rounded to millimetres at the far end of the largest grid.
         #[test]
         fn both_halves_of_a_quadrilateral_face_along_its_edge(
             axis in 0..3_usize,

@@ -1,8 +1,9 @@
-//! The copy of the clay at the handle's side: a tool that cuts it and feels it at once, and the corrections that come later.
+//! The copy of the clay at the handle's side: a tool that cuts it and feels it at once, and the corrections that come
+//! later.
 //!
-//! A tick goes in this order: pieces of a snapshot that is being brought up to date, the tool's own motion, corrections near the tool.
-//! What the tool met before the corrections and what it meets after them differ at the same pose and speed; that difference goes through the
-//! [`CorrectionLimiter`].
+//! A tick goes in this order: pieces of a snapshot that is being brought up to date, the tool's own motion, corrections
+//! near the tool. What the tool met before the corrections and what it meets after them differ at the same pose and
+//! speed; that difference goes through the [`CorrectionLimiter`].
 
 use teleclay_clay::{Clay, ContactState, Material, Motion, Pose, Sweep, Tool};
 
@@ -24,7 +25,8 @@ pub struct Cut {
     pub to: Pose,
 }
 
-/// Where a tool works, with what, and in what: what both sides have to agree on before their copies of the clay can be one.
+/// Where a tool works, with what, and in what: what both sides have to agree on before their copies of the clay can be
+/// one.
 #[derive(Clone, Debug)]
 pub struct ToolSetup {
     /// Image of the handle's home in the clay's frame, m.
@@ -50,8 +52,8 @@ impl ToolSetup {
         Vec3::new(vector.x, vector.y, z)
     }
 
-    /// Whether a sweep is one that this tool can have made in a tick: within reach, and no faster than allowed. Both to a lattice step, for the
-    /// lattice rounds.
+    /// Whether a sweep is one that this tool can have made in a tick: within reach, and no faster than allowed. Both to
+    /// a lattice step, for the lattice rounds.
     ///
     /// # Errors
     /// Which of the two it is not.
@@ -122,8 +124,8 @@ pub struct Copy {
 }
 
 impl Copy {
-    /// A copy of the block of `epoch`, with the tool at a pose at rest. `limits` are at the tool, where the ratios of the coupling have been applied;
-    /// `corrections` is [room for corrections](Self::room_for_corrections).
+    /// A copy of the block of `epoch`, with the tool at a pose at rest. `limits` are at the tool, where the ratios of
+    /// the coupling have been applied; `corrections` is [room for corrections](Self::room_for_corrections).
     pub fn new(
         clay: Box<Clay>,
         epoch: u32,
@@ -193,8 +195,8 @@ impl Copy {
         self.corrections.len() < CORRECTIONS_WAITING
     }
 
-    /// Somebody else's cut, to be carried out in one of the next ticks. Look for [room](Self::has_room) first: what finds none is lost, and the
-    /// hashes will tell.
+    /// Somebody else's cut, to be carried out in one of the next ticks. Look for [room](Self::has_room) first: what
+    /// finds none is lost, and the hashes will tell.
     pub fn correct(&mut self, cut: Cut) {
         if self.has_room() {
             self.corrections.push(cut);
@@ -285,7 +287,8 @@ impl Copy {
         }
     }
 
-    /// Carries out some of the corrections that wait. Says whether one of them changed clay near the tool, and whether any changed any.
+    /// Carries out some of the corrections that wait. Says whether one of them changed clay near the tool, and whether
+    /// any changed any.
     fn carry_out_corrections(&mut self, setup: &ToolSetup, motion: &Motion) -> (bool, bool) {
         let (mut is_near, mut is_changed) = (false, false);
         let now = self.corrections.len().min(CORRECTIONS_A_TICK);
@@ -315,8 +318,8 @@ fn sweep(setup: &ToolSetup, cut: Cut) -> Sweep {
     }
 }
 
-/// Whether a cut can have changed what a tool at `pose` feels: the boxes around the two, with the ramp of a cut's edge and what a tool feels ahead of
-/// itself, overlap.
+/// Whether a cut can have changed what a tool at `pose` feels: the boxes around the two, with the ramp of a cut's edge
+/// and what a tool feels ahead of itself, overlap.
 fn touches(setup: &ToolSetup, cut: &Cut, pose: Pose, voxel_size_m: f64) -> bool {
     let extents_m = setup.tool.shape().extents_m();
     let margin_m = (teleclay_clay::LOOK_AHEAD_VOXELS + 3.0) * voxel_size_m;

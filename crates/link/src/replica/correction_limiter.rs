@@ -23,8 +23,8 @@ pub struct CorrectionLimits {
 }
 
 impl CorrectionLimits {
-    /// For a device of this force range, N: a step of 2 % of it a tick, a third of what a hand can just tell; a tank of 50 mJ, what a centimetre of cutting
-    /// at 5 N spends.
+    /// For a device of this force range, N: a step of 2 % of it a tick, a third of what a hand can just tell; a tank of
+    /// 50 mJ, what a centimetre of cutting at 5 N spends.
     pub fn for_range(force_n: f64) -> Self {
         Self {
             step_n: 0.02 * force_n,
@@ -72,7 +72,8 @@ impl CorrectionLimiter {
         self.held += before - after;
     }
 
-    /// The force to feel for one tick of `tick_s` when the copy gives `force` and the hand moves at `velocity`; energies in J.
+    /// The force to feel for one tick of `tick_s` when the copy gives `force` and the hand moves at `velocity`;
+    /// energies in J.
     pub fn step(&mut self, force: Vec3, velocity: Vec3, tick_s: f64) -> Vec3 {
         let earned = (-force.dot(&velocity) * tick_s).max(0.0);
         self.earned_j += earned;

@@ -62,7 +62,8 @@ impl SweepInbox {
         self.ahead.fill(0);
     }
 
-    /// The sender keeps nothing older than `oldest`: what has not come by now will never come, because it cut clay that is gone.
+    /// The sender keeps nothing older than `oldest`: what has not come by now will never come, because it cut clay that
+    /// is gone.
     pub fn skip_to(&mut self, oldest: u32) {
         while self.complete.wrapping_add(1) < oldest {
             let ahead = oldest - 1 - self.complete;
@@ -103,7 +104,8 @@ impl SweepInbox {
         }
     }
 
-    /// The first number from `from` on whose bit is set in what `view` makes of its word; one behind the greatest if none is.
+    /// The first number from `from` on whose bit is set in what `view` makes of its word; one behind the greatest if
+    /// none is.
     fn next_that(&self, from: u32, view: impl Fn(u64) -> u64) -> u32 {
         let mut sequence = from;
         while sequence <= self.greatest {
@@ -192,7 +194,8 @@ mod tests {
     }
 
     proptest! {
-        /// The gaps name exactly what came, up to where they end, and they end only where the frame is full or nothing more came.
+        /// The gaps name exactly what came, up to where they end, and they end only where the frame is full or nothing
+        /// more came.
         #[test]
         fn gaps_are_what_came(numbers in prop::collection::vec(1..3000_u32, 0..400), skipped in 0..2000_u32) {
             let mut inbox = SweepInbox::default();
@@ -217,7 +220,8 @@ mod tests {
             prop_assert!(!came.contains(&(end + 1)));
         }
 
-        /// Whatever is lost and whatever is late, each sweep is carried out exactly once, and in the end all are acknowledged.
+        /// Whatever is lost and whatever is late, each sweep is carried out exactly once, and in the end all are
+        /// acknowledged.
         #[test]
         fn log_and_inbox_agree_across_a_bad_line(
             losses in prop::collection::vec(prop::bool::weighted(0.6), 400),

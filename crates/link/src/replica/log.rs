@@ -1,17 +1,19 @@
 //! The sender's half: sweeps in the order they were made, kept until they are acknowledged.
 //!
-//! Two numbers say everything that the other side has: up to where all has come, and which beyond that ([`Gaps`], the selective acknowledgement of
-//! [MMFR96] in docs/papers.md). Only what the other side has *noted* counts as come. That a packet came says nothing of what it carried: there may have
-//! been no room for it.
+//! Two numbers say everything that the other side has: up to where all has come, and which beyond that ([`Gaps`], the
+//! selective acknowledgement of [MMFR96] in docs/papers.md). Only what the other side has *noted* counts as come. That
+//! a packet came says nothing of what it carried: there may have been no room for it.
 //!
-//! A sweep goes out in rounds. A round is so many packets in a row, [`LEAST_COPIES`] on a good line, so that single losses cost no round trip. When it is
-//! over and the usual [`Wait`] has gone by without a word of the sweep, the next round begins, and after that one half as much time goes by, and so on:
-//! the more rounds were in vain, the sooner the next, until it goes into every packet. Half of every packet is kept for sweeps made before and half
-//! for fresh ones, so neither starves the other.
+//! A sweep goes out in rounds. A round is so many packets in a row, [`LEAST_COPIES`] on a good line, so that single
+//! losses cost no round trip. When it is over and the usual [`Wait`] has gone by without a word of the sweep, the next
+//! round begins, and after that one half as much time goes by, and so on: the more rounds were in vain, the sooner the
+//! next, until it goes into every packet. Half of every packet is kept for sweeps made before and half for fresh ones,
+//! so neither starves the other.
 //!
-//! Some lines let one packet in thirty through, such as a transport that drops whatever was overtaken where the network jitters by many ticks. There a
-//! round of four packets is mostly in vain, and every cut would cost round trips. So rounds become longer where more than a sweep in eleven needs a
-//! second one ([`Copies`]), until the packets that pass carry what was made between them.
+//! Some lines let one packet in thirty through, such as a transport that drops whatever was overtaken where the network
+//! jitters by many ticks. There a round of four packets is mostly in vain, and every cut would cost round trips. So
+//! rounds become longer where more than a sweep in eleven needs a second one ([`Copies`]), until the packets that pass
+//! carry what was made between them.
 
 use std::time::Duration;
 
@@ -25,7 +27,8 @@ use crate::time::Timestamp;
 const LEAST_COPIES: f64 = 4.0;
 /// Packets of a round at most. These many sweeps, one a packet, leave a sixth of the room to those made before.
 const MOST_COPIES: f64 = 108.0;
-/// A sweep that needs a second round makes rounds longer by so many packets, and one that comes with the first makes them shorter by a tenth of that.
+/// A sweep that needs a second round makes rounds longer by so many packets, and one that comes with the first makes
+/// them shorter by a tenth of that.
 const COPIES_UP: f64 = 0.5;
 const COPIES_DOWN: f64 = 0.05;
 /// Room in a packet that sweeps made before may take, if fresh ones want the rest.
@@ -167,8 +170,8 @@ impl SweepLog {
         Ok(sequence)
     }
 
-    /// The other side has everything up to and including `sequence`, and beyond that what the gaps leave. An older acknowledgement is still true, and an
-    /// impossible one changes nothing.
+    /// The other side has everything up to and including `sequence`, and beyond that what the gaps leave. An older
+    /// acknowledgement is still true, and an impossible one changes nothing.
     pub fn on_acknowledged(&mut self, sequence: u32, gaps: &Gaps) {
         if self.next <= sequence {
             return;
@@ -275,7 +278,8 @@ impl SweepLog {
         }
     }
 
-    /// Number of the first of the newest sweeps that have not had their first round and find `room`, and the bytes that they take.
+    /// Number of the first of the newest sweeps that have not had their first round and find `room`, and the bytes that
+    /// they take.
     fn fresh(&self, packet: &Packet, room: usize) -> (u32, usize) {
         let (mut first, mut bytes, mut behind) = (self.next, 0, 0);
         for entry in self.newest_first() {
@@ -289,7 +293,8 @@ impl SweepLog {
         (first, bytes)
     }
 
-    /// Those before number `end` that are in a later round, or that newer ones crowded out of their first, as long as the packet takes less than `room`.
+    /// Those before number `end` that are in a later round, or that newer ones crowded out of their first, as long as
+    /// the packet takes less than `room`.
     fn fill_overdue(&mut self, packet: &Packet, end: u32, room: usize, sweeps: &mut Sweeps) {
         let from = if (self.oldest..end).contains(&self.search) {
             self.search
@@ -424,8 +429,8 @@ mod tests {
             }
         };
         round(&mut line, 1, 4, &[1, 2, 3]);
-        // 1.25 round trips and 20 ms after the last copy, then half of that, and so on down to every packet. Two that needed a second round make rounds
-        // a packet longer.
+        // 1.25 round trips and 20 ms after the last copy, then half of that, and so on down to every packet. Two that
+        // needed a second round make rounds a packet longer.
         line.log.on_acknowledged(1, &Gaps::default());
         round(&mut line, 120, 5, &[2, 3]);
         line.log.on_acknowledged(1, &gaps(&[[1, 1]]));
@@ -442,8 +447,8 @@ mod tests {
         gaps
     }
 
-    /// A sweep a tick for 20 s over a line of 100 ms round trip that lets this share of packets through, each way, by lot. Gives the most that waited, and
-    /// the sweeps carried.
+    /// A sweep a tick for 20 s over a line of 100 ms round trip that lets this share of packets through, each way, by
+    /// lot. Gives the most that waited, and the sweeps carried.
     fn over_a_line(share: f64) -> (usize, usize) {
         let mut log = SweepLog::default();
         log.on_round_trip(Timestamp::ZERO, TICK * 100);
@@ -491,7 +496,8 @@ mod tests {
         // A round trip's worth, and each one went out as often as it always does.
         assert!(over_a_line(1.0).0 <= 101);
         assert_eq!(over_a_line(1.0).1, 20_000 * 4 - 6);
-        // With a tenth lost, one sweep in ten thousand loses all its copies; what came behind it is not repeated for that.
+        // With a tenth lost, one sweep in ten thousand loses all its copies; what came behind it is not repeated for
+        // that.
         let (most, carried) = over_a_line(0.9);
         assert!(most < 400, "{most} sweeps waited");
         assert!(carried < 20_000 * 4 * 21 / 20, "{carried}");

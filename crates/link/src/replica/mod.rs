@@ -1,12 +1,15 @@
-//! The replica: the handle's side holds a copy of the clay and cuts it at once; the server merges the same cuts and stays the authority.
+//! The replica: the handle's side holds a copy of the clay and cuts it at once; the server merges the same cuts and
+//! stays the authority.
 //!
-//! A cut is a sweep between two quantised poses, and cutting takes the lesser occupancy voxel by voxel: commutative, associative,
-//! idempotent. So it does not matter in which order sweeps arrive, how often, or by which way; it only matters that each arrives. That is all
-//! that travels reliably here. A sweep mostly needs no repetition, for it goes into several packets; and what was lost with all of them is known by
-//! its number from the first acknowledgement behind it.
+//! A cut is a sweep between two quantised poses, and cutting takes the lesser occupancy voxel by voxel: commutative,
+//! associative, idempotent. So it does not matter in which order sweeps arrive, how often, or by which way; it only
+//! matters that each arrives. That is all that travels reliably here. A sweep mostly needs no repetition, for it goes
+//! into several packets; and what was lost with all of them is known by its number from the first acknowledgement
+//! behind it.
 //!
-//! On any line that lets a tenth of a frame a tick through, or a thirtieth where that drops what was overtaken, no sweep waits longer than four round trips, a
-//! tenth of a second and what the two programs stand still for: `tests/acknowledgement.rs` asks that of a thousand lines.
+//! On any line that lets a tenth of a frame a tick through, or a thirtieth where that drops what was overtaken, no
+//! sweep waits longer than four round trips, a tenth of a second and what the two programs stand still for:
+//! `tests/acknowledgement.rs` asks that of a thousand lines.
 //!
 //! | item | does |
 //! |---|---|

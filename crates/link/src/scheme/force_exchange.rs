@@ -6,12 +6,12 @@
 //!                                      C_t2 = -G_t^-1 A_h1 A_h2^-1 G_h C_h1        (32), S_h = S_t = 0
 //! ```
 //!
-//! so both sides drive one admittance `P = G_h C_h1` with the same net force, each with its own force fresh and the other's as last
-//! received: `y_h = P (f_h - f_t / A_h2)` and `y_t = A_h1 P (f_h - f_t / A_h2)`.
+//! so both sides drive one admittance `P = G_h C_h1` with the same net force, each with its own force fresh and the
+//! other's as last received: `y_h = P (f_h - f_t / A_h2)` and `y_t = A_h1 P (f_h - f_t / A_h2)`.
 //!
-//! Assumes identified plants on both sides and no force path around the commands (`S_h = S_t = 0`: lead screws that cannot be driven
-//! back). Cannot hold the two positions together: only forces travel, so whatever is late, lost or doubled stays in the difference of the
-//! two integrals for good.
+//! Assumes identified plants on both sides and no force path around the commands (`S_h = S_t = 0`: lead screws that
+//! cannot be driven back). Cannot hold the two positions together: only forces travel, so whatever is late, lost or
+//! doubled stays in the difference of the two integrals for good.
 
 use teleclay_control::State;
 use teleclay_proto::frame::{HandleFrame, ToolFrame};
@@ -55,7 +55,8 @@ impl HandleController for ForceExchangeHandle {
     }
 }
 
-/// The tool's controller: a model of the handle's admittance, driven by the hand's force as last received and the clay's own.
+/// The tool's controller: a model of the handle's admittance, driven by the hand's force as last received and the
+/// clay's own.
 #[derive(Clone, Debug)]
 pub struct ForceExchangeTool {
     coupling: Coupling,

@@ -1,12 +1,13 @@
 //! The coupling of the two sides. One trait for each end, one module for each scheme.
 //!
-//! A scheme sees three-vectors at two ports. At the handle's port it turns what arrived into the *reaction*, the force the hand
-//! feels, and the handle side makes of hand force plus reaction a position command through the shared admittance. At the tool's
-//! port it turns what arrived into a *reference*, the place where the tool should be one tick later.
+//! A scheme sees three-vectors at two ports. At the handle's port it turns what arrived into the *reaction*, the force
+//! the hand feels, and the handle side makes of hand force plus reaction a position command through the shared
+//! admittance. At the tool's port it turns what arrived into a *reference*, the place where the tool should be one tick
+//! later.
 //!
-//! Positions at both ports are displacements: the handle's from its home, the tool's from the point of the clay that the home maps
-//! to. Signs are those of [KHMH03]: the clay's force on the tool opposes its motion, and the force ratio `A_h2` is negative, so the hand
-//! feels `f_t / |A_h2|`.
+//! Positions at both ports are displacements: the handle's from its home, the tool's from the point of the clay that
+//! the home maps to. Signs are those of [KHMH03]: the clay's force on the tool opposes its motion, and the force ratio
+//! `A_h2` is negative, so the hand feels `f_t / |A_h2|`.
 //!
 //! | scheme | goes up | comes down | under delay |
 //! |---|---|---|---|
@@ -16,8 +17,8 @@
 //! | [`tdpa`] | velocity, position, energy | clay force, energy | passive, damps what it cannot afford |
 //! | [`replica`] | cuts | what became of them, others' cuts | not felt; the server's clay follows a delay later |
 //!
-//! For passivity every port tells true work: how far it moved over a tick, and the force that was really applied meanwhile, after all
-//! limits and ramps. A scheme that reckons with what it asked for would be passive on paper only.
+//! For passivity every port tells true work: how far it moved over a tick, and the force that was really applied
+//! meanwhile, after all limits and ramps. A scheme that reckons with what it asked for would be passive on paper only.
 
 pub mod force_exchange;
 mod play_head;
@@ -129,8 +130,8 @@ pub trait HandleController: Send {
     /// A frame came after a newer one, or came again. Only a scheme that plays samples in their order wants it.
     fn on_late_frame(&mut self, _now: Timestamp, _frame: &ToolFrame) {}
 
-    /// A frame came that had waited in a queue, see [`freshness`](crate::freshness). Only the facts in it count: cuts, and
-    /// what became of cuts.
+    /// A frame came that had waited in a queue, see [`freshness`](crate::freshness). Only the facts in it count: cuts,
+    /// and what became of cuts.
     fn on_stale_frame(&mut self, _now: Timestamp, _frame: &ToolFrame) {}
 
     /// Frames are news again after some that had waited. Nothing is owed for what those said.
@@ -183,8 +184,8 @@ pub trait ClayCopy {
     /// The snapshot that the shell should ask the server for, until it has come. A new number is a new request.
     fn wanted_snapshot(&self) -> Option<WantedSnapshot>;
 
-    /// A snapshot came. What it replaces, or the snapshot itself if it shows another block, waits to be dropped elsewhere, see
-    /// [`ClayCopy::poll_retired`].
+    /// A snapshot came. What it replaces, or the snapshot itself if it shows another block, waits to be dropped
+    /// elsewhere, see [`ClayCopy::poll_retired`].
     fn handle_snapshot(&mut self, snapshot: Snapshot);
 
     /// Another tool, another place, or other clay, from now on.
@@ -210,14 +211,15 @@ pub trait ToolController: Send {
     /// A frame came after a newer one, or came again. Only a scheme that plays samples in their order wants it.
     fn on_late_frame(&mut self, _now: Timestamp, _frame: &HandleFrame) {}
 
-    /// A frame came that had waited in a queue, see [`freshness`](crate::freshness). Only the facts in it count: cuts, and
-    /// what became of cuts.
+    /// A frame came that had waited in a queue, see [`freshness`](crate::freshness). Only the facts in it count: cuts,
+    /// and what became of cuts.
     fn on_stale_frame(&mut self, _now: Timestamp, _frame: &HandleFrame) {}
 
     /// Frames are news again after some that had waited. Nothing is owed for what those said.
     fn on_news_again(&mut self) {}
 
-    /// One tick of a tool that the handle's sweeps lead. `None` where they do not: then the tool follows [`ToolController::reference`].
+    /// One tick of a tool that the handle's sweeps lead. `None` where they do not: then the tool follows
+    /// [`ToolController::reference`].
     fn merge(
         &mut self,
         _now: Timestamp,
@@ -227,12 +229,12 @@ pub trait ToolController: Send {
         None
     }
 
-    /// From now on the handle is told to leave frames out, for so long at most; `None`: to send one every tick. `velocity` is the handle's as last
-    /// received, m/s.
+    /// From now on the handle is told to leave frames out, for so long at most; `None`: to send one every tick.
+    /// `velocity` is the handle's as last received, m/s.
     fn expect_gaps(&mut self, _longest: Option<Duration>, _velocity: Vec3) {}
 
-    /// Where the tool should be one tick later, m. `remote_gain` is the watchdog's, 0 to 1; it scales whatever the scheme makes of
-    /// old news.
+    /// Where the tool should be one tick later, m. `remote_gain` is the watchdog's, 0 to 1; it scales whatever the
+    /// scheme makes of old news.
     fn reference(&mut self, now: Timestamp, port: &ToolPort, remote_gain: f64) -> Vec3;
 
     /// The tool has moved, perhaps otherwise than the reference asked, and the clay has answered.
@@ -289,7 +291,8 @@ pub fn handle_controller(scheme: Scheme, context: &SchemeContext) -> Box<dyn Han
     }
 }
 
-/// The tool's controller of a scheme, at rest with the handle at home. Which frames are meant for it [`ToolController::begin`] says.
+/// The tool's controller of a scheme, at rest with the handle at home. Which frames are meant for it
+/// [`ToolController::begin`] says.
 pub fn tool_controller(scheme: Scheme, context: &SchemeContext) -> Box<dyn ToolController> {
     let coupling = context.coupling.clone();
     match scheme {
@@ -301,11 +304,11 @@ pub fn tool_controller(scheme: Scheme, context: &SchemeContext) -> Box<dyn ToolC
     }
 }
 
-/// How steeply what the clay answered at this port rises with speed, N s/m at the handle's port. Exact for viscous clay; zero where the clay does not
-/// take energy.
+/// How steeply what the clay answered at this port rises with speed, N s/m at the handle's port. Exact for viscous
+/// clay; zero where the clay does not take energy.
 ///
-/// The spring's part is left out: over a speed near zero it would pass for a damper without bounds, and hold the tool fast a little off the
-/// place where the forces balance until the last of the speed is gone, and let it jump then.
+/// The spring's part is left out: over a speed near zero it would pass for a damper without bounds, and hold the tool
+/// fast a little off the place where the forces balance until the last of the speed is gone, and let it jump then.
 pub(crate) fn resistance_slope(coupling: &Coupling, port: &ToolPort) -> f64 {
     let velocity = port.velocity / coupling.position_ratio;
     let flow = coupling.felt(port.spring_force - port.clay_force);

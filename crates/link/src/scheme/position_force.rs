@@ -4,19 +4,21 @@
 //! y_t(t) = A_h1 y_h(t - D1)                felt(t) = f_t(t - D2) / |A_h2|
 //! ```
 //!
-//! The classical baseline. It assumes that the tool follows any position at once, and a line without delay: then the hand feels the clay
-//! exactly. With a round trip `d` the loop is `1 + P (T_h + rho T_t exp(-s d)) = 0`, which dies at a delay that `teleclay_control`
-//! gives exactly. In samples the hold of the handle's command and the velocity as a difference each add half a tick to `d`, and the clay's
-//! answer to the motion of a tick is felt in the next: one tick more. So what the line itself may take is the margin less two ticks, for clay
-//! that answers position instead of velocity less one and a half.
+//! The classical baseline. It assumes that the tool follows any position at once, and a line without delay: then the
+//! hand feels the clay exactly. With a round trip `d` the loop is `1 + P (T_h + rho T_t exp(-s d)) = 0`, which dies at
+//! a delay that `teleclay_control` gives exactly. In samples the hold of the handle's command and the velocity as a
+//! difference each add half a tick to `d`, and the clay's answer to the motion of a tick is felt in the next: one tick
+//! more. So what the line itself may take is the margin less two ticks, for clay that answers position instead of
+//! velocity less one and a half.
 //!
-//! Frames come one a tick, but for the phase of two clocks: where a tick has none and the next has two, a play head keeps
-//! the tool going at the speed told ([`PlayHead`]).
+//! Frames come one a tick, but for the phase of two clocks: where a tick has none and the next has two, a play head
+//! keeps the tool going at the speed told ([`PlayHead`]).
 //!
 //! With perceptual coding the handle sends a frame only when its velocity has changed by more than a hand can tell, and
 //! the tool's controller bridges what is left out by dead reckoning.
 //!
-//! It creates energy as soon as there is delay, and has nothing to notice that with. It shows why the other schemes exist.
+//! It creates energy as soon as there is delay, and has nothing to notice that with. It shows why the other schemes
+//! exist.
 
 use std::time::Duration;
 
@@ -99,8 +101,8 @@ impl PositionForceTool {
         }
     }
 
-    /// Frames are numbered as they are sent: between two of them more ticks than numbers have passed where some were left out, and as many where some
-    /// were lost. A thread that woke late is no gap.
+    /// Frames are numbered as they are sent: between two of them more ticks than numbers have passed where some were
+    /// left out, and as many where some were lost. A thread that woke late is no gap.
     fn look_for_a_gap(&mut self, frame: &HandleFrame) -> bool {
         let (sequence, sent_ns) = (frame.header.sequence, frame.header.sent_ns);
         let Some((before, before_ns)) = self.newest.replace((sequence, sent_ns)) else {
@@ -194,7 +196,8 @@ impl ToolController for PositionForceTool {
     }
 }
 
-/// Dead reckoning is given up when nothing has been left out for this many of the longest gaps: what was to be made up for has been by then.
+/// Dead reckoning is given up when nothing has been left out for this many of the longest gaps: what was to be made up
+/// for has been by then.
 const ENOUGH_GAPS: f64 = 6.0;
 
 /// Dead reckoning of the handle while its frames are left out: it goes on at the velocity told last, which is within

@@ -10,25 +10,29 @@
 //! tool        E_out(tool) <= E_in(handle) as received:   v_t <- the largest share of v_t that costs no more than is at hand
 //! ```
 //!
-//! `E_in` is cumulative and travels in every frame. It never falls, so a lost or late frame makes the receiver careful and nothing else, and no clock is needed.
+//! `E_in` is cumulative and travels in every frame. It never falls, so a lost or late frame makes the receiver careful
+//! and nothing else, and no clock is needed.
 //!
-//! The published corrections `F += -W / (T v²) v` and `v += -W / (T F²) F` are, in one dimension, the budget's scaling, with a division that
-//! needs a cap near rest; a share needs none. Where they correct after the fact, here the tick's cost is foreseen (the hand's velocity, the clay's
-//! resistance as the slope of its last answer) and what really happened is observed after it.
-//! Foresight can fail in two ways, and each has its cushion. At the handle a force held over a tick works half a tick longer than the
-//! sample says; the first [`RESERVE_J`] that the hand gives stay there to cover it. At the tool clay may begin anywhere;
-//! so the energy of the tool's own mass at that speed must be at hand and is not spent, which covers clay of up to `m / 2T`, 250 N s/m.
+//! The published corrections `F += -W / (T v²) v` and `v += -W / (T F²) F` are, in one dimension, the budget's scaling,
+//! with a division that needs a cap near rest; a share needs none. Where they correct after the fact, here the tick's
+//! cost is foreseen (the hand's velocity, the clay's resistance as the slope of its last answer) and what really
+//! happened is observed after it. Foresight can fail in two ways, and each has its cushion. At the handle a force held
+//! over a tick works half a tick longer than the sample says; the first [`RESERVE_J`] that the hand gives stay there to
+//! cover it. At the tool clay may begin anywhere; so the energy of the tool's own mass at that speed must be at hand
+//! and is not spent, which covers clay of up to `m / 2T`, 250 N s/m.
 //!
-//! Each axis has an account of its own. A stroke could pay for a swing across it if the axes shared one, and the sum would still be
-//! passive; the clay here answers against the motion, so hardly any energy passes between axes, and little is lost by the stricter count.
+//! Each axis has an account of its own. A stroke could pay for a swing across it if the axes shared one, and the sum
+//! would still be passive; the clay here answers against the motion, so hardly any energy passes between axes, and
+//! little is lost by the stricter count.
 //!
-//! The damper `b_c` is part of the channel. Without it a viscous clay locks up: a tool that may not move meets no force, so the hand
-//! feels none and gives no energy, so the tool may not move. Energy beyond [`MOST_AT_HAND_J`] is dropped: saved up in a calm stroke
-//! it could feed a swing for a long time.
+//! The damper `b_c` is part of the channel. Without it a viscous clay locks up: a tool that may not move meets no
+//! force, so the hand feels none and gives no energy, so the tool may not move. Energy beyond [`MOST_AT_HAND_J`] is
+//! dropped: saved up in a calm stroke it could feed a swing for a long time.
 //!
-//! Cannot make the delayed force right: it only takes away what is active in it. The hand feels drag in free air, and clay late; on a long line the tool
-//! waits for energy whenever the clay becomes harder. It keeps the channel passive, not the handle: `G_h` lags, so that
-//! the handle itself is active from 3 Hz on, and clay beyond some 100 N s/m swings without any network as well.
+//! Cannot make the delayed force right: it only takes away what is active in it. The hand feels drag in free air, and
+//! clay late; on a long line the tool waits for energy whenever the clay becomes harder. It keeps the channel passive,
+//! not the handle: `G_h` lags, so that the handle itself is active from 3 Hz on, and clay beyond some 100 N s/m swings
+//! without any network as well.
 
 use teleclay_proto::Scheme;
 use teleclay_proto::frame::{HandleFrame, ToolFrame};
@@ -43,7 +47,8 @@ use crate::time::Timestamp;
 
 /// `b_c`, N s/m: a quarter of the default clay in the shallowest cut of [KHMH03] Fig. 7.
 pub const CHANNEL_DAMPING_N_S_PER_M: f64 = 5.0;
-/// `K_d`, 1/s: what the tool lags behind by shrinks to a third in 0.2 s. Four times as fast, the lag itself would begin to swing in thick clay.
+/// `K_d`, 1/s: what the tool lags behind by shrinks to a third in 0.2 s. Four times as fast, the lag itself would begin
+/// to swing in thick clay.
 pub const DRIFT_PER_S: f64 = 5.0;
 /// Speed of that correction at most, m/s, at the handle's port: after a pause the tool comes back slowly.
 pub const DRIFT_SPEED_M_S: f64 = 0.05;
@@ -259,7 +264,8 @@ impl ToolController for TdpaTool {
     }
 }
 
-/// The share, 0 to 1, of something that costs `cost_j` which `at_hand_j` pays for. What costs nothing can be had in full.
+/// The share, 0 to 1, of something that costs `cost_j` which `at_hand_j` pays for. What costs nothing can be had in
+/// full.
 fn affordable_share(cost_j: f64, at_hand_j: f64) -> f64 {
     if cost_j <= at_hand_j {
         1.0
@@ -315,7 +321,8 @@ mod tests {
             prop_assert!(1.0 <= share || at_hand - 1e-9 <= paid);
         }
 
-        /// In one dimension the share is the published correction: the force that makes the port's energy come out at zero.
+        /// In one dimension the share is the published correction: the force that makes the port's energy come out at
+        /// zero.
         #[test]
         fn scaling_is_the_published_correction(
             force in 0.1_f64..10.0, velocity in -1.0_f64..-0.01, at_hand in 0.0_f64..1e-4

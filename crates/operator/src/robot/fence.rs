@@ -1,16 +1,17 @@
 //! Where the robot may go: as far from a singularity as its servos need, and no further.
 //!
-//! Clearance is the least of the posture's measures, from 1 down to 0 at a singularity: of each arm from stretched or folded, and of
-//! the rods from one plane. The fence is the surface of one clearance. On the line from home to a setpoint, with the fence at `D`, the
-//! handle goes along with the setpoint up to a margin `w` before the fence and ever less beyond:
+//! Clearance is the least of the posture's measures, from 1 down to 0 at a singularity: of each arm from stretched or
+//! folded, and of the rods from one plane. The fence is the surface of one clearance. On the line from home to a
+//! setpoint, with the fence at `D`, the handle goes along with the setpoint up to a margin `w` before the fence and
+//! ever less beyond:
 //!
 //! ```text
 //! place = setpoint                                        setpoint <= D - w
 //!       = D - w + w tanh((setpoint - (D - w)) / w)        beyond
 //! ```
 //!
-//! Place, speed and acceleration change smoothly, so a handle that runs into its fence is slowed down over the margin, and the hand
-//! feels neither a blow nor an edge.
+//! Place, speed and acceleration change smoothly, so a handle that runs into its fence is slowed down over the margin,
+//! and the hand feels neither a blow nor an edge.
 
 use teleclay_kinematics::{Branch, Geometry, Posture, Singularity};
 

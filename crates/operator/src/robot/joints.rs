@@ -4,9 +4,10 @@
 //! I rho_ddot = tau + J^T f          f = f_0 - m X_ddot          X_ddot = J rho_ddot + (the rest of (13), differentiated)
 //! ```
 //!
-//! `I` is what turns with a joint, `f` the hand's force on the platform, `m` the arm's mass behind it. A servo knows where its joint
-//! should be one tick later; it asks for the torque that brings it there against the hand's pull, `-J^T f`, and gets what its limit
-//! leaves. Speed is bounded in all joints alike, so that a handle that cannot keep up still moves the right way.
+//! `I` is what turns with a joint, `f` the hand's force on the platform, `m` the arm's mass behind it. A servo knows
+//! where its joint should be one tick later; it asks for the torque that brings it there against the hand's pull,
+//! `-J^T f`, and gets what its limit leaves. Speed is bounded in all joints alike, so that a handle that cannot keep up
+//! still moves the right way.
 
 use nalgebra::Matrix3;
 use teleclay_kinematics::{Assembly, Posture};
@@ -119,8 +120,9 @@ impl Joints {
         })
     }
 
-    /// Takes the next posture. A brake on each joint holds what a servo cannot: no joint turns faster than it may, and beyond the fence,
-    /// where only a hand stronger than the servos leads, ever slower, until the arms rest on their stops.
+    /// Takes the next posture. A brake on each joint holds what a servo cannot: no joint turns faster than it may, and
+    /// beyond the fence, where only a hand stronger than the servos leads, ever slower, until the arms rest on their
+    /// stops.
     fn settle(
         &mut self,
         angles: Vec3,

@@ -1,5 +1,5 @@
-//! The parallel robot as a handle: the paper's servos and arm, on three joints that have limits. Source: [KHMH03] (1)–(19) in
-//! docs/papers.md.
+//! The parallel robot as a handle: the paper's servos and arm, on three joints that have limits. Source: [KHMH03]
+//! (1)–(19) in docs/papers.md.
 //!
 //! ```text
 //!   v_h ──G_h──> setpoint ──fence──> place ──inverse kinematics──> joint servos ──tau──> arms ──> platform
@@ -7,12 +7,14 @@
 //!                                    └──> what the loop takes for the hand's force
 //! ```
 //!
-//! While nothing limits it, the platform moves as the paper's identified servo `G_h` says, like [`SimulatedHandle`](crate::SimulatedHandle):
-//! the joints are sent where inverse kinematics put them, one tick ahead, and hold the hand's force by `tau = -J^T f_h`. Where a joint
-//! would have to turn too fast it lags; where a hand is stronger than the servos, it moves them.
+//! While nothing limits it, the platform moves as the paper's identified servo `G_h` says, like
+//! [`SimulatedHandle`](crate::SimulatedHandle): the joints are sent where inverse kinematics put them, one tick ahead,
+//! and hold the hand's force by `tau = -J^T f_h`. Where a joint would have to turn too fast it lags; where a hand is
+//! stronger than the servos, it moves them.
 //!
-//! Near a singularity the robot slows down before its fence and resists: what the loop asks for beyond it becomes a spring's force on it, so
-//! that the loop feels the hand balanced, goes no further, and comes back at once. It says so in its [`RobotState`].
+//! Near a singularity the robot slows down before its fence and resists: what the loop asks for beyond it becomes a
+//! spring's force on it, so that the loop feels the hand balanced, goes no further, and comes back at once. It says so
+//! in its [`RobotState`].
 
 mod fence;
 mod joints;
@@ -28,8 +30,8 @@ use crate::{Axes, SimulatedHandleError, Vec3};
 use fence::{Fence, clearance, nearest};
 use joints::{Grip, Joints};
 
-/// Pull towards the fence per metre that the loop asks for beyond it, N/m: a palm's width holds the strongest hand of the simulated
-/// person, and the loop with the paper's servos keeps 50 degrees of phase.
+/// Pull towards the fence per metre that the loop asks for beyond it, N/m: a palm's width holds the strongest hand of
+/// the simulated person, and the loop with the paper's servos keeps 50 degrees of phase.
 const RESISTANCE_N_PER_M: f64 = 200.0;
 /// Beside it, N s/m, once the setpoint is as far out as [`ENTRY_M`].
 const RESISTANCE_N_S_PER_M: f64 = 25.0;
@@ -74,8 +76,8 @@ pub struct RobotSetup {
 }
 
 impl Default for RobotSetup {
-    /// The desk-top robot of the project, at home where it moves alike in all directions (condition number 1.01). Down to a clearance
-    /// of 0.3 its joints turn at most four times as fast as at home.
+    /// The desk-top robot of the project, at home where it moves alike in all directions (condition number 1.01). Down
+    /// to a clearance of 0.3 its joints turn at most four times as fast as at home.
     fn default() -> Self {
         Self {
             geometry: Geometry::default(),
@@ -124,8 +126,8 @@ pub struct RobotState {
     pub rates_rad_s: [f64; 3],
     /// Torques of the last tick, N·m.
     pub torques_n_m: [f64; 3],
-    /// How far from the nearest singularity, from 1 down to 0: the least of how far each arm is from stretched or folded and how far
-    /// the rods are from one plane.
+    /// How far from the nearest singularity, from 1 down to 0: the least of how far each arm is from stretched or
+    /// folded and how far the rods are from one plane.
     pub clearance: f64,
     /// Which is nearest.
     pub nearest: Singularity,
@@ -244,7 +246,8 @@ impl RobotHandle {
         })
     }
 
-    /// What the sensors read now. The force is the hand's and the robot's resistance together: the net force that moves the handle.
+    /// What the sensors read now. The force is the hand's and the robot's resistance together: the net force that moves
+    /// the handle.
     pub fn sample(&self) -> DeviceSample {
         let (position, mut velocity) = (self.displacement(), self.velocity());
         let grip = self.grip();

@@ -4,11 +4,14 @@
 use std::time::Duration;
 
 use teleclay_link::time::Timestamp;
+use teleclay_proto::Scheme;
 use teleclay_proto::SessionId;
 use teleclay_proto::frame::{Engagement, HandleFrame, Header, ToolFrame};
-use teleclay_proto::http::{ClayShape, ClaySpec, NewSession, ToolDescription};
+use teleclay_proto::http::{
+    ClayReset, ClayShape, ClaySpec, NewSession, SessionPatch, ToolDescription,
+};
 use teleclay_session::{
-    Command, Event, Operator, Outcome, Refusal, Rules, Session, SessionSetup, Settings,
+    Command, Event, EventKind, Operator, Outcome, Refusal, Rules, Session, SessionSetup, Settings,
 };
 
 pub(crate) const TICK: Duration = Duration::from_millis(1);
@@ -156,5 +159,35 @@ pub(crate) fn engaged_at(position_m: [f64; 3]) -> HandleFrame {
         engagement: Engagement::Engaged,
         position_m,
         ..HandleFrame::default()
+    }
+}
+
+pub(crate) fn patch(patch: SessionPatch) -> Command {
+    Command::Patch { patch }
+}
+
+pub(crate) fn reset(lease: Option<u32>) -> Command {
+    Command::Reset {
+        reset: ClayReset::default(),
+        lease,
+    }
+}
+
+pub(crate) fn kinds(bench: &mut Bench) -> Vec<EventKind> {
+    let events = bench.take_events();
+    events.into_iter().map(|event| event.kind).collect()
+}
+
+/// A stroke a few millimetres deep, there and back.
+pub(crate) fn stroke(tick: u32) -> HandleFrame {
+    let phase = f64::from(tick) * 0.01;
+    engaged_at([0.008 * phase.sin(), 0.0, -0.004])
+}
+
+pub(crate) fn cutting(scheme: Scheme) -> NewSession {
+    NewSession {
+        scheme,
+        axes: teleclay_proto::Axes::Three,
+        ..new_session(1)
     }
 }

@@ -10,8 +10,8 @@ use super::{
 /// Tick of the loop, s.
 pub(super) const TICK_S: f64 = 1e-3;
 
-/// What sampling adds to the loop, as a delay of the clay's force, in ticks: half a tick for the position that is held, half a tick for
-/// the velocity, which is a difference of two positions.
+/// What sampling adds to the loop, as a delay of the clay's force, in ticks: half a tick for the position that is held,
+/// half a tick for the velocity, which is a difference of two positions.
 const SAMPLING_TICKS: f64 = 1.0;
 
 impl CuttingInputs {
@@ -111,7 +111,8 @@ impl CuttingInputs {
     pub(super) fn require_stability(&self) -> Result<(), Refusal> {
         for range in 0..self.ranges() {
             let damping_n_s_per_m = self.force_per_position() * self.clay_damping_n_s_per_m[range];
-            // Coefficients are bounded by the input checks, so only a loop that cannot be judged is left, and that is no loop to run.
+            // Coefficients are bounded by the input checks, so only a loop that cannot be judged is left, and that is
+            // no loop to run.
             let margin = self
                 .range_margin(damping_n_s_per_m)
                 .unwrap_or(DelayMargin::Finite {
@@ -204,7 +205,8 @@ impl CuttingInputs {
             .sum())
     }
 
-    /// How much delay of the clay's force one range bears. Without an arm a common factor `s`, the handle's free position, is taken out.
+    /// How much delay of the clay's force one range bears. Without an arm a common factor `s`, the handle's free
+    /// position, is taken out.
     fn range_margin(&self, clay_damping_n_s_per_m: f64) -> Option<DelayMargin> {
         let polynomials = || -> Result<[Polynomial; 2], PolynomialError> {
             let servo = paper::g_hx();

@@ -1,19 +1,19 @@
 //! The cutting experiment of \[KHMH03\] Fig. 7, through the real clay, on virtual time.
 //!
-//! An operator pushes a blade through clay that gets deeper in steps. In each range the clay answers with another viscous
-//! damping `B_i`, and once the transient has died out the handle moves at the velocity at which the hand's force balances the
-//! handle's own damping and the clay's:
+//! An operator pushes a blade through clay that gets deeper in steps. In each range the clay answers with another
+//! viscous damping `B_i`, and once the transient has died out the handle moves at the velocity at which the hand's
+//! force balances the handle's own damping and the clay's:
 //!
 //! ```text
 //! f_t = -B_i dy_t/dt        v_i = f_h / (B + rho B_i)        rho = A_h1 / |A_h2|
 //! ```
 //!
-//! Nothing here types `B_i` in: a block is shaped so that the engaged area of the blade times the clay's viscosity is `B_i`
-//! ([`Specimen`]), the rig of [`crate::rig`] cuts it voxel by voxel, and velocities are read off the handle. What comes out may
-//! differ from the formula, and where the loop rings or a range is too short to settle in, it does.
+//! Nothing here types `B_i` in: a block is shaped so that the engaged area of the blade times the clay's viscosity is
+//! `B_i` ([`Specimen`]), the rig of [`crate::rig`] cuts it voxel by voxel, and velocities are read off the handle. What
+//! comes out may differ from the formula, and where the loop rings or a range is too short to settle in, it does.
 //!
-//! Positions are the handle's, and so are the edges of the ranges; the tool moves `A_h1` times as far. The handle starts at
-//! rest at the first edge, the blade's leading face against the clay, with the hand already pushing.
+//! Positions are the handle's, and so are the edges of the ranges; the tool moves `A_h1` times as far. The handle
+//! starts at rest at the first edge, the blade's leading face against the clay, with the hand already pushing.
 
 mod feasible;
 mod record;

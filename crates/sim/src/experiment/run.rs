@@ -18,7 +18,8 @@ const REPORT_TICKS: u64 = 100;
 /// A run may take this many times as long as the formula says, and this many seconds more.
 const PATIENCE: f64 = 4.0;
 const PATIENCE_S: f64 = 5.0;
-/// The handle is running away once it is this many times faster than on its fastest plateau: transients stay below three.
+/// The handle is running away once it is this many times faster than on its fastest plateau: transients stay below
+/// three.
 const RUNAWAY: f64 = 8.0;
 /// More ticks than any push takes to build up.
 const MOST_PUSH_TICKS: u32 = 1000;

@@ -4,10 +4,10 @@
 //! B_i = k w d_i        k viscosity, w width of the blade, d_i depth of cut in range i
 //! ```
 //!
-//! The blade is 10 mm wide and the deepest range is cut 30 mm deep, which fixes the viscosity: with the dampings 20, 40 and
-//! 60 N·s/m that is clay of 2e5 Pa·s/m cut 1, 2 and 3 cm deep. It is cut deeper where voxels would otherwise not show the depths well:
-//! a step that ends within a voxel is felt up to a quarter of a voxel wrong, and on a tall blade half the distance between its rows of points more
-//! ([`depth_error_voxels`]), which matters for a thin one.
+//! The blade is 10 mm wide and the deepest range is cut 30 mm deep, which fixes the viscosity: with the dampings 20, 40
+//! and 60 N·s/m that is clay of 2e5 Pa·s/m cut 1, 2 and 3 cm deep. It is cut deeper where voxels would otherwise not
+//! show the depths well: a step that ends within a voxel is felt up to a quarter of a voxel wrong, and on a tall blade
+//! half the distance between its rows of points more ([`depth_error_voxels`]), which matters for a thin one.
 
 use teleclay_clay::{
     Blade, BladeDimensions, Clay, Coefficients, LOOK_AHEAD_VOXELS, MAX_AXIS_VOXELS, Material,
@@ -120,8 +120,8 @@ impl Specimen {
         })?)
     }
 
-    /// Tool position with the handle at the first edge, m. The blade feels for clay a little ahead of its leading face; what it feels
-    /// is at the image of the handle, so that a step is felt where it stands.
+    /// Tool position with the handle at the first edge, m. The blade feels for clay a little ahead of its leading face;
+    /// what it feels is at the image of the handle, so that a step is felt where it stands.
     pub(super) fn home_m(&self) -> [f64; 3] {
         let feels_ahead_m = LOOK_AHEAD_VOXELS * self.voxel_size_m;
         [
@@ -146,7 +146,8 @@ impl Specimen {
         )
     }
 
-    /// How far off at most the depth of a range is felt, m: voxels, and the rows of points by which the blade feels them, show it no better.
+    /// How far off at most the depth of a range is felt, m: voxels, and the rows of points by which the blade feels
+    /// them, show it no better.
     pub fn depth_error_m(&self, range: usize) -> f64 {
         let depth_voxels = self.depths_of_cut_m[range] / self.voxel_size_m;
         self.voxel_size_m
@@ -161,7 +162,8 @@ impl Specimen {
     }
 }
 
-/// Share of a plateau's velocity that voxels may be wrong by where a range is cut so deep by a blade with rows so far apart, both in voxels.
+/// Share of a plateau's velocity that voxels may be wrong by where a range is cut so deep by a blade with rows so far
+/// apart, both in voxels.
 fn velocity_error(inputs: &CuttingInputs, range: usize, depth_voxels: f64, row_voxels: f64) -> f64 {
     let clay = inputs.force_per_position() * inputs.clay_damping_n_s_per_m[range];
     if clay <= 0.0 {
@@ -172,9 +174,9 @@ fn velocity_error(inputs: &CuttingInputs, range: usize, depth_voxels: f64, row_v
     share * depth_error_voxels(depth_voxels, row_voxels) / depth_voxels
 }
 
-/// How far off the top of clay is felt at most, in voxels, as measured for every share of the topmost voxel: too low where little of it is
-/// filled, nearly right where most of it is. Rows of points up to a quarter of a voxel apart show that; wider ones miss the top by half of what they
-/// are wider, besides.
+/// How far off the top of clay is felt at most, in voxels, as measured for every share of the topmost voxel: too low
+/// where little of it is filled, nearly right where most of it is. Rows of points up to a quarter of a voxel apart show
+/// that; wider ones miss the top by half of what they are wider, besides.
 fn depth_error_voxels(depth_voxels: f64, row_voxels: f64) -> f64 {
     const FINE_ROW_VOXELS: f64 = 0.25;
     let filled = depth_voxels.fract();
@@ -286,7 +288,8 @@ mod tests {
         area_m2 / f64::from(ticks) / BLADE_WIDTH_M
     }
 
-    /// On the clay itself: whatever share of its topmost voxel is filled, and however tall the blade, a step is felt as well as promised.
+    /// On the clay itself: whatever share of its topmost voxel is filled, and however tall the blade, a step is felt as
+    /// well as promised.
     #[test]
     fn a_depth_is_felt_as_well_as_promised() {
         for (voxel_size_m, deepest_m) in [

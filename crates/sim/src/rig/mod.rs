@@ -1,8 +1,10 @@
-//! The virtual-time rig: operators, handle sides and session in one thread, as fast as the machine goes. Same seed, same bits.
+//! The virtual-time rig: operators, handle sides and session in one thread, as fast as the machine goes. Same seed,
+//! same bits.
 //!
-//! Order within a tick, for each operator in turn: the device is sampled, the handle side takes in what the line delivered and steps, the device gets
-//! its command; then the session takes in what the lines delivered and steps. So without delay the tool side knows the hand's force of the same tick, and the
-//! handle side the clay's force at the present pose: both drive their admittance with the same net force.
+//! Order within a tick, for each operator in turn: the device is sampled, the handle side takes in what the line
+//! delivered and steps, the device gets its command; then the session takes in what the lines delivered and steps. So
+//! without delay the tool side knows the hand's force of the same tick, and the handle side the clay's force at the
+//! present pose: both drive their admittance with the same net force.
 //!
 //! Snapshots of the clay travel beside the lines, as on a stream that repeats what is lost: asked for at a delay up,
 //! taken from the clay then, there after a delay down.
@@ -73,7 +75,7 @@ pub enum RigError {
 /// What went out, counted where it left.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Traffic {
-    /// Frames.
+    /// Number of frames.
     pub frames: u64,
     /// Their bytes, without what transports add.
     pub bytes: u64,
@@ -321,7 +323,8 @@ impl Rig {
         Ok(())
     }
 
-    /// Every handle is held fast where it is, with no force on its sensor: what is under way on the lines arrives, and nothing new begins.
+    /// Every handle is held fast where it is, with no force on its sensor: what is under way on the lines arrives, and
+    /// nothing new begins.
     pub fn hold_handles_fast(&mut self) {
         for hand in &mut self.hands {
             hand.held = Some(DeviceSample {
@@ -344,7 +347,8 @@ impl Rig {
         self.hands[0].held = Some(sample);
     }
 
-    /// The program of the first handle stands still for `span`. The device goes on at the last command, the hand feels the last force.
+    /// The program of the first handle stands still for `span`. The device goes on at the last command, the hand feels
+    /// the last force.
     pub fn halt_handle(&mut self, how: Halt, span: Duration) {
         let until = self.now.after(span);
         self.hands[0].halt = Some(Halted { how, until });

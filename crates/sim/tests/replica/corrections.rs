@@ -82,7 +82,8 @@ fn two_stroking(line: Impairment, seed: u64, apart_m: [f64; 3], how: &Strokes) -
     Rig::with_further(setup, vec![further]).unwrap()
 }
 
-/// Both want the same clay: whoever comes a delay later feels it although it is gone, or finds it gone while cutting. Neither may feel a jolt.
+/// Both want the same clay: whoever comes a delay later feels it although it is gone, or finds it gone while cutting.
+/// Neither may feel a jolt.
 #[test]
 fn a_second_writer_jolts_nobody_and_brings_no_energy_that_was_not_earned() {
     let limit_n = 0.07 * LoopParameters::default().force_limit_n;
@@ -114,8 +115,9 @@ fn a_second_writer_jolts_nobody_and_brings_no_energy_that_was_not_earned() {
     }
 }
 
-/// What a handle tells of its corrections, against what the hand and the copy did: what is held back is the felt force less the copy's own, and the
-/// steps are those that it took to nothing. With a gear between hand and clay the bounds are the hand's.
+/// What a handle tells of its corrections, against what the hand and the copy did: what is held back is the felt force
+/// less the copy's own, and the steps are those that it took to nothing. With a gear between hand and clay the bounds
+/// are the hand's.
 #[test]
 fn corrections_are_told_as_the_hand_felt_them() {
     for (position_ratio, force_ratio) in [(1.0, 1.0), (1.5, 0.25), (0.5, 2.0)] {
@@ -187,8 +189,8 @@ fn corrections_are_told_as_the_hand_felt_them() {
     }
 }
 
-/// With two axes the third is lifted by hand and reflects nothing: whoever pushes the tool straight down has felt nothing, so has spent nothing, and
-/// corrections may bring nothing in. With three axes it is the hand's own work.
+/// With two axes the third is lifted by hand and reflects nothing: whoever pushes the tool straight down has felt
+/// nothing, so has spent nothing, and corrections may bring nothing in. With three axes it is the hand's own work.
 #[test]
 fn only_work_that_the_hand_felt_fills_the_tank() {
     let earned_j = |axes| {

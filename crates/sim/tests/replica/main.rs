@@ -1,5 +1,5 @@
-//! The replica on bad lines: the hand feels none of it, the clay on the server becomes the clay that the hand has cut, and what others do to it comes in
-//! gently.
+//! The replica on bad lines: the hand feels none of it, the clay on the server becomes the clay that the hand has cut,
+//! and what others do to it comes in gently.
 
 #![allow(
     clippy::float_cmp,
@@ -159,7 +159,8 @@ fn the_hand_feels_no_network_and_the_server_gets_the_same_clay() {
     }
 }
 
-/// The authority computes its own answer to each sweep; with one operator it is what was felt, but for the lattice's rounding of the speed.
+/// The authority computes its own answer to each sweep; with one operator it is what was felt, but for the lattice's
+/// rounding of the speed.
 #[test]
 fn with_one_operator_the_authority_would_have_answered_the_same() {
     for line in [line(0, 0.0, 0.0), line(100, 0.0, 0.0)] {
@@ -177,7 +178,8 @@ fn with_one_operator_the_authority_would_have_answered_the_same() {
     }
 }
 
-/// Something cuts the server's clay and tells nobody. The hashes tell, a snapshot heals, and what the hand cut meanwhile stays cut.
+/// Something cuts the server's clay and tells nobody. The hashes tell, a snapshot heals, and what the hand cut
+/// meanwhile stays cut.
 #[test]
 fn clay_that_came_to_differ_is_found_and_healed() {
     let mut rig = cutting_over(line(50, 0.2, 0.1), 5);
@@ -243,7 +245,8 @@ fn every_sweep_begins_where_the_last_one_ended() {
     );
 }
 
-/// The server judges what it merges: a sweep that no tool can have made in a tick, and one from out of reach, are refused and cut nothing.
+/// The server judges what it merges: a sweep that no tool can have made in a tick, and one from out of reach, are
+/// refused and cut nothing.
 #[test]
 fn a_sweep_that_cannot_have_been_is_refused() {
     let mut rig = cutting_over(Impairment::default(), 1);
@@ -271,7 +274,8 @@ fn a_sweep_that_cannot_have_been_is_refused() {
     assert_eq!(rig.session().clay().removed_units(), removed);
 }
 
-/// A refusal says that the two differ, in the middle of a cut. One snapshot heals it, for what the hand has cut since it was taken is repeated on it.
+/// A refusal says that the two differ, in the middle of a cut. One snapshot heals it, for what the hand has cut since
+/// it was taken is repeated on it.
 #[test]
 fn one_snapshot_heals_a_copy_that_is_being_cut() {
     let mut rig = cutting_over(line(50, 0.0, 0.0), 1);

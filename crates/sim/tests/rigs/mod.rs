@@ -65,7 +65,8 @@ pub(crate) fn carving(
     .unwrap()
 }
 
-/// The blade of the cutting experiment wholly inside a block, 30 mm of it below the surface: 3 cm² of clay on either side.
+/// The blade of the cutting experiment wholly inside a block, 30 mm of it below the surface: 3 cm² of clay on either
+/// side.
 pub(crate) fn embedded(
     parameters: LoopParameters,
     intent: Intent,

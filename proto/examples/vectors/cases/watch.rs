@@ -264,7 +264,7 @@ fn summed(residuals: &[u8; BRICK_VOXELS]) -> [u8; BRICK_VOXELS] {
     voxels
 }
 
-/// SplitMix64.
+/// The generator SplitMix64, so that the same seed gives the same bytes everywhere.
 fn next_random(state: &mut u64) -> u64 {
     *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
     let mut mixed = *state;

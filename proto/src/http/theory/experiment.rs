@@ -127,7 +127,8 @@ pub struct CuttingTrace {
 
 impl Validate for CuttingRequest {
     /// # Errors
-    /// A number out of its range, or lists whose lengths do not match. Whether the handle gets there is found out by the calculation.
+    /// A number out of its range, or lists whose lengths do not match. Whether the handle gets there is found out by
+    /// the calculation.
     fn validate(&self) -> Result<(), FieldError> {
         check("/virtual_mass_kg", self.virtual_mass_kg, 1e-3..=1e3)?;
         let damping = self.virtual_damping_n_s_per_m;

@@ -141,8 +141,8 @@ pub struct WorkspaceRequest {
     #[serde(default = "outwards")]
     #[schema(value_type = Branch)]
     pub branch: [i64; 3],
-    /// Corners of the box to map, least first, m; a box that holds everything in reach when left out. Flat in one direction it
-    /// is a slice.
+    /// Corners of the box to map, least first, m; a box that holds everything in reach when left out. Flat in one
+    /// direction it is a slice.
     #[schema(nullable = false, value_type = Region)]
     #[serde(
         default,
@@ -169,8 +169,8 @@ pub struct WorkspaceAnswer {
     /// The branch.
     #[schema(value_type = Branch)]
     pub branch: [i64; 3],
-    /// Inverse condition number at the centre of each cell, x fastest, then y, then z: from 0 at a singularity to 1; `null` out of
-    /// reach.
+    /// Inverse condition number at the centre of each cell, x fastest, then y, then z: from 0 at a singularity to 1;
+    /// `null` out of reach.
     pub dexterity: Vec<Option<f64>>,
     /// Share of the cells that is reachable.
     pub reachable_share: f64,

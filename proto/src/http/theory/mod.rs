@@ -1,7 +1,7 @@
 //! The mathematics of \[KHMH03\] as calls: the robot, the loop, the cutting experiment.
 //!
-//! Requests name a quantity as the paper's symbol does, in SI units; a polynomial is the list of its coefficients, highest
-//! power first; a complex number is `[re, im]`; what has no finite value is `null`.
+//! Requests name a quantity as the paper's symbol does, in SI units; a polynomial is the list of its coefficients,
+//! highest power first; a complex number is `[re, im]`; what has no finite value is `null`.
 
 mod experiment;
 mod kinematics;

@@ -56,8 +56,8 @@ pub struct LoopRequest {
     /// Elastic part of `T_t`, N/m.
     #[schema(minimum = 0, maximum = 1e9)]
     pub clay_stiffness_n_per_m: f64,
-    /// Where the compensators are evaluated, rad/s, each above zero; 0.1, 1, 10, 60 and 300 when left out. The curves hold these points
-    /// too.
+    /// Where the compensators are evaluated, rad/s, each above zero; 0.1, 1, 10, 60 and 300 when left out. The curves
+    /// hold these points too.
     #[serde(default = "usual_omegas")]
     #[schema(value_type = Vec<Frequency>, max_items = 2000)]
     pub omegas_rad_s: Vec<f64>,
@@ -119,7 +119,7 @@ pub struct LoopAnswer {
 pub struct CompensatorPoint {
     /// Frequency, rad/s.
     pub omega_rad_s: f64,
-    /// `C_h1`.
+    /// Compensator `C_h1` of the handle.
     #[schema(required, value_type = Option<Pair>)]
     pub c_h1: Option<ComplexPair>,
     /// `C_t1` (30).

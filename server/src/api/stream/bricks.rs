@@ -1,7 +1,7 @@
 //! The clay as one watcher has it: what is due to be sent, and never more than there are bricks.
 //!
-//! For each brick it is known up to which revision the watcher has it. However slowly a watcher reads, a brick that changed a
-//! hundred times is sent once, as it is when its turn comes.
+//! For each brick it is known up to which revision the watcher has it. However slowly a watcher reads, a brick that
+//! changed a hundred times is sent once, as it is when its turn comes.
 
 use teleclay_clay::{BRICK_VOXELS, BrickView, Clay};
 use teleclay_proto::watch::{
@@ -33,8 +33,8 @@ struct Seen {
 }
 
 impl Follower {
-    /// The messages that bring the watcher nearer to the clay: at most `most_bytes`, and one brick more. A fresh watcher
-    /// and a fresh block get a keyframe first; what does not fit into one call comes with the next ones.
+    /// The messages that bring the watcher nearer to the clay: at most `most_bytes`, and one brick more. A fresh
+    /// watcher and a fresh block get a keyframe first; what does not fit into one call comes with the next ones.
     pub(super) fn follow(&mut self, clay: &Clay, epoch: u32, most_bytes: usize) -> Vec<Vec<u8>> {
         if most_bytes == 0 {
             return Vec::new();
@@ -234,8 +234,8 @@ mod tests {
         );
     }
 
-    /// A watcher with a trickle of budget gets everything in the end, and a brick that changes all the time costs it one
-    /// copy per turn, not one per change.
+    /// A watcher with a trickle of budget gets everything in the end, and a brick that changes all the time costs it
+    /// one copy per turn, not one per change.
     #[test]
     fn a_slow_watcher_gets_merged_bricks_and_nothing_starves() {
         let mut clay = clay();

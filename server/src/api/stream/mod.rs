@@ -8,8 +8,8 @@
 //! | [`telemetry`] | samples into batches |
 //! | [`budget`] | what a watcher may cost |
 //!
-//! Nothing queues for a watcher. Telemetry waits in a ring of fixed length that forgets its oldest, bricks wait in the clay
-//! itself, state is read when it is sent, and one message at a time is on its way.
+//! Nothing queues for a watcher. Telemetry waits in a ring of fixed length that forgets its oldest, bricks wait in the
+//! clay itself, state is read when it is sent, and one message at a time is on its way.
 
 mod bricks;
 mod budget;
@@ -57,10 +57,10 @@ refusals!(WatchRefusals: HANDSHAKE, NO_SUBPROTOCOL, PATH, NO_SUCH_SESSION, UPGRA
 
 /// Watch a session, and change it, over a WebSocket
 ///
-/// Ask for the subprotocol `teleclay.v1`. Text messages are JSON: `ServerText` from the server, `ClientText` to it, at most
-/// 16 KiB. Binary messages are bricks of the clay and batches of telemetry. The server says `hello`, then tells the state
-/// several times a second; bricks and telemetry come once a `subscribe` asks for them. A message that is not acceptable is
-/// answered with a `problem` and nothing of it is done.
+/// Ask for the subprotocol `teleclay.v1`. Text messages are JSON: `ServerText` from the server, `ClientText` to it, at
+/// most 16 KiB. Binary messages are bricks of the clay and batches of telemetry. The server says `hello`, then tells
+/// the state several times a second; bricks and telemetry come once a `subscribe` asks for them. A message that is not
+/// acceptable is answered with a `problem` and nothing of it is done.
 ///
 /// A watcher costs at most 2 Mbit/s. One that reads slowly gets merged bricks and loses old telemetry, which is
 /// counted. The server closes with 4404 when the session has ended, with 4408 when a message could not be handed over

@@ -59,7 +59,8 @@ impl Batcher {
         }
     }
 
-    /// Forgets what it holds: the watcher does not want telemetry for a while, which is no loss. Sequence numbers go on.
+    /// Forgets what it holds: the watcher does not want telemetry for a while, which is no loss. Sequence numbers go
+    /// on.
     pub(super) fn rest(&mut self) {
         *self = Self {
             sequence: self.sequence,

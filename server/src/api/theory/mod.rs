@@ -1,7 +1,7 @@
 //! The mathematics of \[KHMH03\] as calls: kinematics, stability, tuning, the cutting experiment.
 //!
-//! What takes longer than a moment runs on a thread of its own, a few at a time, so that it can hold up neither the interface nor the loop
-//! ([`work`]). The calculations themselves are in [`teleclay_theory`].
+//! What takes longer than a moment runs on a thread of its own, a few at a time, so that it can hold up neither the
+//! interface nor the loop ([`work`]). The calculations themselves are in [`teleclay_theory`].
 
 mod work;
 

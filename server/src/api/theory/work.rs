@@ -81,8 +81,8 @@ impl ComputePool {
         self.run(&self.experiments, work).await
     }
 
-    /// The place is given back when the work ends, not when whoever asked goes away; the work is told of that, and of the time that
-    /// it has had.
+    /// The place is given back when the work ends, not when whoever asked goes away; the work is told of that, and of
+    /// the time that it has had.
     async fn run<T: Send + 'static>(
         &self,
         places: &Arc<Semaphore>,
@@ -205,7 +205,8 @@ mod tests {
         assert_eq!(pool.experiment(|_| Ok(3)).await, Ok(3));
     }
 
-    /// Who waits in vain is told to come back; what is quick does not wait for what is long; and what is too long is ended.
+    /// Who waits in vain is told to come back; what is quick does not wait for what is long; and what is too long is
+    /// ended.
     #[tokio::test(flavor = "multi_thread")]
     async fn what_is_too_long_for_the_next_one_is_said_and_ended() {
         let pool = ComputePool::new(Limits {

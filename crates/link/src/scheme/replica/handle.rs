@@ -21,14 +21,15 @@ use crate::scheme::tdpa::TdpaHandle;
 use crate::scheme::{ClayCopy, Coupling, HandleController, HandlePort};
 use crate::time::Timestamp;
 
-/// A snapshot may be older than the request for it by this much: the server takes it from a mirror that follows its clay.
+/// A snapshot may be older than the request for it by this much: the server takes it from a mirror that follows its
+/// clay.
 const SNAPSHOT_LAG: Duration = Duration::from_millis(500);
 /// Snapshots are asked for no more often than this.
 const SNAPSHOT_EVERY: Duration = Duration::from_secs(1);
 /// Cuts repeated on a fresh snapshot in one tick at most.
 const REPEATS_A_TICK: usize = 24;
-/// With perceptual coding a frame goes out when this many sweeps wait for their first: a third of what a frame carries, so that every one goes out
-/// three times at least while the line is short.
+/// With perceptual coding a frame goes out when this many sweeps wait for their first: a third of what a frame carries,
+/// so that every one goes out three times at least while the line is short.
 const SWEEPS_DUE: usize = 8;
 
 /// Asks the shell for a snapshot of the server's clay.
@@ -275,7 +276,8 @@ impl ReplicaHandle {
     fn edge(&mut self, now: Timestamp) -> Edge {
         // A copy that was given on joining waits for its first frame no longer than for any other.
         let is_silent = STALE < now.since(*self.last_frame.get_or_insert(now));
-        // A log with a fifth of its room left is full: a sweep that finds no room would be felt here and never cut there.
+        // A log with a fifth of its room left is full: a sweep that finds no room would be felt here and never cut
+        // there.
         self.is_stale = is_silent || WINDOW - WINDOW / 5 < self.log.waiting();
         let works = matches!(self.status, LoopStatus::Running | LoopStatus::Idle);
         if works && !self.is_stale {

@@ -82,7 +82,8 @@ pub struct ReplicaTool {
     refused: u32,
     refusal: SweepRefusal,
     newest: u32,
-    /// Newest number seen in any frame, and whether the newest frame had nothing newer: then the tool rested in its tick.
+    /// Newest number seen in any frame, and whether the newest frame had nothing newer: then the tool rested in its
+    /// tick.
     seen: u32,
     rests: bool,
     merged: Option<Merged>,

@@ -1,16 +1,18 @@
 //! The line between the two ports: what goes out, what comes in, and that it can never give more than it took.
 //!
-//! Every frame carries the wave, the wave's time integral and the energy of all waves so far, `T Σ u² / 2`. So a frame also tells what the frames
-//! before it held, whether they were lost, late, or never sent (a deadband). From that:
+//! Every frame carries the wave, the wave's time integral and the energy of all waves so far, `T Σ u² / 2`. So a frame
+//! also tells what the frames before it held, whether they were lost, late, or never sent (a deadband). From that:
 //!
-//! - *Energy.* What came in is credited once, when a frame vouches for it. A wave is played only as far as the credit reaches. A tick for which no frame is there
-//!   plays what was played last if energy is left, and zero otherwise. To hold the last wave without
-//!   asking for its energy is not passive: each loss would be a gift.
-//! - *Drift.* Positions are integrals of waves, so they part when waves are lost. The integral that was played is pulled towards the one that was sent, with
-//!   [`PULL_PER_S`] and no faster than [`PULL_SPEED_M_S`]. Shortening a wave is free; lengthening one has to be paid for by energy that came and was not played,
-//!   beyond what it takes to hold the present wave over a gap ([`HELD_S`]). So the pull is passive as well.
-//! - *Debts.* Where an account did not cover the wave that should have gone out, the sender owes the difference and pulls in the same way. While it owes, or its
-//!   cushion is not full, the port resists motion a little more than it should ([`Outgoing::need`]): who moves pays.
+//! - *Energy.* What came in is credited once, when a frame vouches for it. A wave is played only as far as the credit
+//!   reaches. A tick for which no frame is there plays what was played last if energy is left, and zero otherwise. To
+//!   hold the last wave without asking for its energy is not passive: each loss would be a gift.
+//! - *Drift.* Positions are integrals of waves, so they part when waves are lost. The integral that was played is
+//!   pulled towards the one that was sent, with [`PULL_PER_S`] and no faster than [`PULL_SPEED_M_S`]. Shortening a wave
+//!   is free; lengthening one has to be paid for by energy that came and was not played, beyond what it takes to hold
+//!   the present wave over a gap ([`HELD_S`]). So the pull is passive as well.
+//! - *Debts.* Where an account did not cover the wave that should have gone out, the sender owes the difference and
+//!   pulls in the same way. While it owes, or its cushion is not full, the port resists motion a little more than it
+//!   should ([`Outgoing::need`]): who moves pays.
 
 use teleclay_proto::frame::Header;
 
@@ -28,7 +30,8 @@ pub(super) const PULL_SPEED_M_S: f64 = 0.05;
 const HELD_S: f64 = 0.03;
 /// Credit of an axis at most, J: a wave of 1 √W (6 N at b = 20) over 40 ms.
 const MOST_CREDIT_J: f64 = 0.02;
-/// Cushion of a port at most, J: what the half tick between a force and its work comes to at 0.2 m/s and b = 20, `b v² T / 4`.
+/// Cushion of a port at most, J: what the half tick between a force and its work comes to at 0.2 m/s and b = 20,
+/// `b v² T / 4`.
 const CUSHION_J: f64 = 2e-4;
 /// An owed displacement of this length makes a port resist in full, m.
 const FULL_NEED_M: f64 = 1e-3;
@@ -36,7 +39,7 @@ const FULL_NEED_M: f64 = 1e-3;
 /// What a frame says of the waves of its sender.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Sample {
-    /// √W.
+    /// Wave of this tick, √W.
     pub(super) wave: Vec3,
     /// Sum of all waves so far times the tick, √W s.
     pub(super) integral: Vec3,
@@ -209,7 +212,8 @@ impl Outgoing {
         }
     }
 
-    /// Sends the wave `nominal`, or as much of it as `earned_j` and the cushion cover. Returns the energy that is left over, J.
+    /// Sends the wave `nominal`, or as much of it as `earned_j` and the cushion cover. Returns the energy that is left
+    /// over, J.
     pub(super) fn send(&mut self, nominal: Vec3, earned_j: Vec3) -> Vec3 {
         Vec3::from_fn(|axis, _| {
             let cushion = &mut self.cushion[axis];
@@ -260,7 +264,8 @@ mod tests {
         0.5 * TICK_S * wave * wave
     }
 
-    /// A sender of given waves along x, a line that loses what it is told to, and what is played at its end, tick by tick.
+    /// A sender of given waves along x, a line that loses what it is told to, and what is played at its end, tick by
+    /// tick.
     fn played(waves: &[f64], is_lost: impl Fn(usize) -> bool) -> (Incoming, Vec<f64>) {
         let mut incoming = Incoming::new(medium());
         let (mut integral, mut energy) = (0.0, 0.0);
@@ -330,7 +335,8 @@ mod tests {
         }
     }
 
-    /// A run of lost waves is a displacement that is missing, and is made up for from the energy that the next frame vouches for.
+    /// A run of lost waves is a displacement that is missing, and is made up for from the energy that the next frame
+    /// vouches for.
     #[test]
     fn what_was_lost_is_made_up_for() {
         let mut waves = vec![0.0; 50];

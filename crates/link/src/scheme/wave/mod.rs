@@ -1,5 +1,5 @@
-//! Wave variables: what travels is neither force nor velocity but a mix of both that no delay can make active. Source: [NS91] in
-//! docs/papers.md.
+//! Wave variables: what travels is neither force nor velocity but a mix of both that no delay can make active. Source:
+//! [NS91] in docs/papers.md.
 //!
 //! ```text
 //! s = sqrt(2 b)          F v = (u² - w²) / 2          u up, w down, F resists the hand, felt = -F
@@ -18,7 +18,8 @@
 //! m (v' - v) / T = s u - b v' - F_e - B (v' - v)          reference += A_h1 T v'
 //! ```
 //!
-//! with the clay's last resistance `F_e` and its slope `B`: implicit in the viscous part, so that no clay is too thick for the tick.
+//! with the clay's last resistance `F_e` and its slope `B`: implicit in the viscous part, so that no clay is too thick
+//! for the tick.
 //!
 //! # Energy in samples
 //!
@@ -36,17 +37,19 @@
 //!
 //! # Echoes
 //!
-//! A tool in free air or in hard clay sends back all it gets, and a handle whose servo lags sends back *more*: with [KHMH03]'s servo,
-//! `b` = 20 N s/m and a resting arm its reflection is 1.67 at 51 rad/s, 2.1 with an arm that holds on firmly. Together they would swing at
-//! any delay. A damper at the tool equal to `b` would swallow the wave, and be felt always: 20 N s/m in free air, on top of 20 of clay. So
-//! the waves are low-passed instead, where they arrive, at [`FILTER_RAD_S`]: twice through the filter the round trip's reflection stays below
-//! 0.86 at every frequency whatever the clay, and nothing is felt in steady motion. Each pass costs 25 ms of delay. A filter gives out
-//! no more energy than went in. For a larger `b` the reflection grows, so the filter is slower in proportion.
+//! A tool in free air or in hard clay sends back all it gets, and a handle whose servo lags sends back *more*: with
+//! [KHMH03]'s servo, `b` = 20 N s/m and a resting arm its reflection is 1.67 at 51 rad/s, 2.1 with an arm that holds on
+//! firmly. Together they would swing at any delay. A damper at the tool equal to `b` would swallow the wave, and be
+//! felt always: 20 N s/m in free air, on top of 20 of clay. So the waves are low-passed instead, where they arrive, at
+//! [`FILTER_RAD_S`]: twice through the filter the round trip's reflection stays below 0.86 at every frequency whatever
+//! the clay, and nothing is felt in steady motion. Each pass costs 25 ms of delay. A filter gives out no more energy
+//! than went in. For a larger `b` the reflection grows, so the filter is slower in proportion.
 //!
 //! # What it cannot do
 //!
-//! A line is a spring: `1 / K_displayed = 1 / K_clay + D / b` with the mean one-way delay `D`, filter and play-out included. At 20 N s/m and 100 ms a wall has
-//! 160 N/m. The larger `b`, the stiffer the clay and the heavier the free handle.
+//! A line is a spring: `1 / K_displayed = 1 / K_clay + D / b` with the mean one-way delay `D`, filter and play-out
+//! included. At 20 N s/m and 100 ms a wall has 160 N/m. The larger `b`, the stiffer the clay and the heavier the free
+//! handle.
 
 mod line;
 
@@ -124,7 +127,8 @@ impl Port {
         }
     }
 
-    /// Forms the wave of a tick that is over: the port moved by `displacement`, m, and put `work_j` into this end, axis by axis.
+    /// Forms the wave of a tick that is over: the port moved by `displacement`, m, and put `work_j` into this end, axis
+    /// by axis.
     fn send(&mut self, displacement: Vec3, work_j: Vec3) {
         let medium = self.medium;
         let nominal = displacement * (medium.root / medium.tick_s) - self.acting;
