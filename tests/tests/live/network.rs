@@ -265,7 +265,7 @@ fn an_outage_of_five_seconds_while_cutting_is_felt_as_clay_and_leaves_both_sides
             );
             assert!(2000 < stale.count());
         },
-        || on_virtual_time::an_outage_of_five_seconds(),
+        on_virtual_time::an_outage_of_five_seconds,
     );
 }
 
@@ -296,7 +296,7 @@ fn a_server_that_is_half_dead_for_a_while_loses_nothing_and_nothing_queued_moves
             assert!(stage.handle.process.end().unwrap().success());
             assert_nothing_was_lost(&drained, &stage.handle.ticks().unwrap());
         },
-        || on_virtual_time::a_server_that_stands_still(),
+        on_virtual_time::a_server_that_stands_still,
     );
 }
 
