@@ -8,7 +8,8 @@ const BYTES_PER_S: f64 = 250_000.0;
 /// Bytes that may be saved up, and that may be owed: one second's. A first keyframe of the clay then comes at once.
 const BURST_BYTES: f64 = BYTES_PER_S;
 
-/// Bytes that may still be sent. Bricks wait for it; the rest is small, is sent anyway, and is taken off.
+/// Bytes that may still be sent. Bricks wait for it, and so do requests, whose answers are not small when they are
+/// many; the rest is small, is sent anyway, and is taken off.
 pub(super) struct Budget {
     left_bytes: f64,
     refilled: Instant,
