@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser, ValueEnum};
+use teleclay_device::DeviceProfile;
 use teleclay_proto::{RealmName, SessionId};
 use teleclay_shell::Drift;
 use teleclay_shell::network::check_endpoint;
@@ -46,6 +47,18 @@ pub struct Arguments {
     /// robot, with joint limits; for sessions of 2 or 3 axes)
     #[arg(long, value_name = "DEVICE", default_value_t)]
     pub device: DeviceKind,
+    /// Greatest force on the hand, N: lowers what the device allows, never raises it
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = bound)]
+    pub force_limit_n: Option<f64>,
+    /// Greatest change of that force, N/s, likewise
+    #[arg(long, value_name = "N/S", allow_negative_numbers = true, value_parser = bound)]
+    pub slew_limit_n_per_s: Option<f64>,
+    /// Greatest speed at which the handle is sent anywhere, m/s, likewise
+    #[arg(long, value_name = "M/S", allow_negative_numbers = true, value_parser = bound)]
+    pub speed_limit_m_s: Option<f64>,
+    /// Greatest power into the hand, W, likewise
+    #[arg(long, value_name = "W", allow_negative_numbers = true, value_parser = bound)]
+    pub power_limit_w: Option<f64>,
     /// What the simulated operator does
     #[arg(long, value_enum, default_value_t)]
     pub intent: IntentName,
@@ -211,6 +224,16 @@ impl Arguments {
         self.operator.clone().unwrap_or_else(user_at_host)
     }
 
+    /// What the device may do to the hand: its own bounds, lowered to those that were given.
+    pub fn profile(&self) -> DeviceProfile {
+        self.device.profile().lowered_to(DeviceProfile {
+            force_n: self.force_limit_n.unwrap_or(f64::INFINITY),
+            slew_n_per_s: self.slew_limit_n_per_s.unwrap_or(f64::INFINITY),
+            speed_m_s: self.speed_limit_m_s.unwrap_or(f64::INFINITY),
+            power_w: self.power_limit_w.unwrap_or(f64::INFINITY),
+        })
+    }
+
     fn read_intent(&self) -> Result<Intent, IntentOptionError> {
         let intent = self.intent.word();
         let given = [
@@ -278,6 +301,14 @@ fn operator(text: &str) -> Result<String, String> {
 
 fn is_operator(text: &str) -> bool {
     (1..=MAX_NAME).contains(&text.chars().count()) && !text.chars().any(char::is_control)
+}
+
+fn bound(text: &str) -> Result<f64, String> {
+    let bound = text
+        .parse::<f64>()
+        .ok()
+        .filter(|bound| bound.is_finite() && 0.0 < *bound);
+    bound.ok_or_else(|| "want a finite number above zero".to_owned())
 }
 
 fn frequency(text: &str) -> Result<f64, String> {
@@ -351,6 +382,23 @@ mod tests {
         );
         assert_eq!(arguments.seconds, None);
         assert!(is_operator(&arguments.operator_name()));
+    }
+
+    #[test]
+    fn a_bound_on_the_hand_is_lowered_and_never_raised() {
+        let profile = |words: &[&str]| read(words).unwrap().0.profile();
+        let own = DeviceKind::Simulated.profile();
+        assert_eq!(profile(&[]), own);
+        assert_eq!(
+            profile(&["--force-limit-n", "1000", "--speed-limit-m-s", "1e6"]),
+            own
+        );
+        let lowered = profile(&["--force-limit-n", "3", "--power-limit-w", "0.5"]);
+        assert_eq!((lowered.force_n, lowered.power_w), (3.0, 0.5));
+        assert_eq!(
+            (lowered.slew_n_per_s, lowered.speed_m_s),
+            (own.slew_n_per_s, own.speed_m_s)
+        );
     }
 
     #[test]
@@ -444,6 +492,11 @@ mod tests {
             ),
             (&["--force-n", "1,0"], "2 number(s), want three: X,Y,Z"),
             (&["--frequency-hz", "0"], "want a finite number above zero"),
+            (&["--force-limit-n", "0"], "want a finite number above zero"),
+            (
+                &["--power-limit-w", "inf"],
+                "want a finite number above zero",
+            ),
             (&["--clock-drift-ppm", "-200000"], "want -100000 to 100000"),
             (
                 &["--intent", "trajectory", "--waypoints", "there.txt"],

@@ -11,7 +11,7 @@ mod simulated;
 use std::fmt;
 use std::str::FromStr;
 
-use teleclay_device::DeviceSample;
+use teleclay_device::{DeviceProfile, DeviceSample};
 use teleclay_operator::{IntentError, RobotError, RobotState, SimulatedHandleError};
 use teleclay_proto::Axes;
 use teleclay_proto::join::Granted;
@@ -21,16 +21,7 @@ use crate::intent::Intent;
 
 pub use robot::RobotDevice;
 pub use simulated::SimulatedDevice;
-
-/// What a device is told each tick. A device that moves by position commands (the handle of \[KHMH03\] is one) follows
-/// `position_m`; one that pushes renders `force_n`.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct DeviceCommand {
-    /// Where the handle should be, displacement from home, m.
-    pub position_m: [f64; 3],
-    /// Force of the far side on the hand, N: finite, bounded and slew-limited.
-    pub force_n: [f64; 3],
-}
+pub use teleclay_device::DeviceCommand;
 
 /// What whoever holds the device asks for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -100,6 +91,19 @@ pub enum DeviceKind {
 impl DeviceKind {
     /// Every kind.
     pub const ALL: [Self; 2] = [Self::Simulated, Self::Robot];
+
+    /// What it may do to a hand, whatever it is told. A flag can only lower it.
+    pub const fn profile(self) -> DeviceProfile {
+        match self {
+            // What a session asks for unless it is told otherwise; neither device is one that a hand is in.
+            Self::Simulated | Self::Robot => DeviceProfile {
+                force_n: 20.0,
+                slew_n_per_s: 2000.0,
+                speed_m_s: 2.0,
+                power_w: 15.0,
+            },
+        }
+    }
 
     /// The word that stands for it in arguments.
     pub const fn word(self) -> &'static str {

@@ -12,7 +12,7 @@
 use std::sync::Arc;
 
 use teleclay_bilateral::{HandleSide, HandleStep, LinkState, Retired};
-use teleclay_device::DeviceSample;
+use teleclay_device::{DeviceProfile, DeviceSample, Guard};
 use teleclay_link::arrivals::ArrivalCounts;
 use teleclay_link::replica::ToolSetup;
 use teleclay_link::safety::Implausible;
@@ -129,6 +129,7 @@ pub(crate) struct Record {
 pub(crate) struct Engine {
     tick_s: f64,
     device: Box<dyn Device>,
+    guard: Guard,
     attachment: Box<Attachment>,
     next: Option<Box<Attachment>>,
     brake: Option<Brake>,
@@ -143,17 +144,19 @@ pub(crate) struct Engine {
 }
 
 impl Engine {
-    /// A device at rest and the first attachment, taken at `now`.
+    /// A device at rest, what it may do to the hand, and the first attachment, taken at `now`.
     pub(crate) fn new(
         now: Timestamp,
         tick_s: f64,
         device: Box<dyn Device>,
+        profile: DeviceProfile,
         mut attachment: Box<Attachment>,
     ) -> Self {
         attachment.take(now);
         Self {
             tick_s,
             device,
+            guard: Guard::new(profile, tick_s),
             attachment,
             next: None,
             brake: None,
@@ -186,12 +189,19 @@ impl Engine {
         std::array::from_fn(|axis| loop_m[axis] + offset_m[axis])
     }
 
-    fn command(&mut self, command: &DeviceCommand) -> Result<(), DeviceError> {
+    /// Tells the device what the guard lets pass, and gives it.
+    fn command(
+        &mut self,
+        wanted: DeviceCommand,
+        sample: &DeviceSample,
+    ) -> Result<DeviceCommand, DeviceError> {
+        let command = self.guard.step(wanted, sample.position_m);
         let before = self
             .last_command
             .map_or(command.position_m, |(position_m, _)| position_m);
         self.last_command = Some((command.position_m, minus(command.position_m, before)));
-        self.device.command(command)
+        self.device.command(&command)?;
+        Ok(command)
     }
 
     /// Takes the next attachment, if one waits: the handle is at rest, and the new loop starts from where it stands.
@@ -333,7 +343,7 @@ impl Machine for Engine {
         }
         // A handle that is in fault before its first command is left alone.
         if mode == Mode::Coupled || self.last_command.is_some() {
-            self.command(&command)?;
+            command = self.command(command, &sample)?;
         }
         // The lease of an attachment that is about to be given up is over.
         if self.next.is_none() {

@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use teleclay_device::DeviceProfile;
 use teleclay_operator::Singularity;
 use teleclay_proto::{NodeName, Scheme, SessionId};
 
@@ -38,6 +39,8 @@ pub enum Event {
         device: String,
         /// Length of a tick, s.
         tick_s: f64,
+        /// What it may do to the hand, whatever a server says.
+        profile: DeviceProfile,
         /// What the scheduler granted.
         scheduler: String,
     },
@@ -191,12 +194,17 @@ impl fmt::Display for Event {
             Self::Ticking {
                 device,
                 tick_s,
+                profile,
                 scheduler,
             } => {
                 write!(
                     f,
-                    "device {device}, a tick every {} ms, scheduler: {scheduler}",
-                    tick_s * 1e3
+                    "device {device}, a tick every {} ms, scheduler: {scheduler}; the hand meets at most {} N, {} N/s, {} m/s, {} W",
+                    tick_s * 1e3,
+                    profile.force_n,
+                    profile.slew_n_per_s,
+                    profile.speed_m_s,
+                    profile.power_w
                 )
             }
             Self::Live {

@@ -71,7 +71,7 @@ pub enum JoinError {
     },
 }
 
-/// Asks until a server answers. With an old lease, that one is given back first, and a server that is full or about to
+/// Asks until a server answers, after a pause. With an old lease, that one is given back first, and a server that is full or about to
 /// stop is asked again for as long as the old lease may hold the slot.
 ///
 /// # Errors
@@ -80,8 +80,14 @@ pub(crate) async fn search(
     control: Session,
     target: JoinTarget,
     old: Option<OldLease>,
+    pause: Duration,
     events: UnboundedSender<Event>,
 ) -> Result<Box<JoinGrant>, JoinError> {
+    if let (Some(old), false) = (&old, pause.is_zero()) {
+        // Given back at once: nobody waits for a tool because this handle does.
+        leave(&control, &old.keys, old.lease).await;
+    }
+    tokio::time::sleep(pause).await;
     let began = Instant::now();
     let patience = old
         .as_ref()

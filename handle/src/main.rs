@@ -99,6 +99,7 @@ async fn hold(arguments: Arguments, intent: Intent) -> ExitCode {
     let (events, emitted) = mpsc::unbounded_channel();
     let printer = tokio::spawn(print(emitted, arguments.json, stop));
     let kind = arguments.device;
+    let profile = arguments.profile();
     let options = Options {
         operator: arguments.operator_name(),
         connect: arguments.connect,
@@ -106,6 +107,7 @@ async fn hold(arguments: Arguments, intent: Intent) -> ExitCode {
         realm: arguments.realm,
         token: arguments.token,
         device: kind.word().to_owned(),
+        profile,
         open_device: Box::new(move |setup| device::open(kind, &intent, setup)),
         scheduling: arguments.scheduling,
         spin: Duration::from_micros(arguments.spin_us),

@@ -9,6 +9,7 @@ use std::time::Duration;
 
 use teleclay_bilateral::{clay_shape, tool_setup};
 use teleclay_clay::{BrickView, Clay};
+use teleclay_device::DeviceProfile;
 use teleclay_link::replica::ToolSetup;
 use teleclay_link::scheme::replica::{Snapshot, WantedSnapshot};
 use teleclay_proto::Scheme;
@@ -63,6 +64,7 @@ pub(crate) struct Fresh {
 pub(crate) async fn refresh(
     slow: Session,
     keys: SessionKeys,
+    profile: DeviceProfile,
     known: u32,
     wanted: Wanted,
 ) -> Result<Fresh, String> {
@@ -70,7 +72,7 @@ pub(crate) async fn refresh(
     let parameters = if wanted.revision == known {
         None
     } else {
-        Some(parameters(&slow, &keys).await?)
+        Some(parameters(&slow, &keys, profile).await?)
     };
     let snapshot = match wanted.snapshot {
         None => None,
@@ -83,11 +85,22 @@ pub(crate) async fn refresh(
     })
 }
 
-async fn parameters(slow: &Session, keys: &SessionKeys) -> Result<Changed, String> {
-    let parameters: LoopParameters = text(slow, &keys.parameters()).await?;
+/// Takes what a server says about the force on the hand only below what the device allows.
+pub(crate) fn lower(parameters: &mut LoopParameters, profile: DeviceProfile) {
+    parameters.force_limit_n = parameters.force_limit_n.min(profile.force_n);
+    parameters.slew_limit_n_per_s = parameters.slew_limit_n_per_s.min(profile.slew_n_per_s);
+}
+
+async fn parameters(
+    slow: &Session,
+    keys: &SessionKeys,
+    profile: DeviceProfile,
+) -> Result<Changed, String> {
+    let mut parameters: LoopParameters = text(slow, &keys.parameters()).await?;
     parameters
         .validate()
         .map_err(|error| format!("parameters: {error}"))?;
+    lower(&mut parameters, profile);
     let setup = tool_setup(&parameters).map_err(|error| format!("parameters: {error}"))?;
     Ok(Changed {
         revision: parameters.revision,

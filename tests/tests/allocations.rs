@@ -119,6 +119,7 @@ fn options(ports: Ports) -> Options {
         operator: "Ada".to_owned(),
         token: None,
         device: "simulated".to_owned(),
+        profile: DeviceKind::Simulated.profile(),
         open_device: Box::new(|setup| open(DeviceKind::Simulated, &Intent::Cutting, setup)),
         scheduling: Scheduling::Normal,
         spin: Duration::ZERO,

@@ -188,7 +188,9 @@ impl LoopModel {
                 ramp: Duration::from_secs_f64(parameters.ramp_s),
             },
             limits: ForceLimits {
-                force_n: parameters.force_limit_n,
+                // What could not be let go of within the ramp is not built up.
+                force_n: (parameters.slew_limit_n_per_s * parameters.ramp_s)
+                    .min(parameters.force_limit_n),
                 slew_n_per_s: parameters.slew_limit_n_per_s,
             },
             axes: match parameters.axes {

@@ -21,6 +21,7 @@ use teleclay_shell::ticker::{Next, Tick};
 
 use super::*;
 use crate::attachment::Arrived;
+use crate::device::DeviceKind;
 use crate::outbox::Sender;
 
 mod replaced;
@@ -171,7 +172,13 @@ impl Bench {
         };
         let now = Timestamp::ZERO.after(TICK);
         let (tool, attachment) = tool(1, Clock::start());
-        let engine = Engine::new(now, TICK_S, Box::new(probe), attachment);
+        let engine = Engine::new(
+            now,
+            TICK_S,
+            Box::new(probe),
+            DeviceKind::Simulated.profile(),
+            attachment,
+        );
         let (realtime, ends) = Realtime::new(engine, Clock::start(), CAPACITIES);
         Self {
             realtime,

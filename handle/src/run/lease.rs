@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use teleclay_bilateral::LinkState;
 use teleclay_link::time::Timestamp;
 use teleclay_proto::PROTOCOL;
 use teleclay_proto::join::JoinRequest;
@@ -17,6 +18,12 @@ use crate::event::Event;
 use crate::grant::JoinGrant;
 use crate::join::{self, JoinTarget, OldLease};
 use crate::line::Line;
+use crate::refresh::lower;
+
+/// After the first lease under which no frame came.
+const FIRST_PAUSE: Duration = Duration::from_millis(200);
+/// After many of them.
+const LONGEST_PAUSE: Duration = Duration::from_secs(5);
 
 impl Run {
     /// Asks for a lease until one is granted; for the old one, if there was one.
@@ -36,11 +43,17 @@ impl Run {
             lease: line.grant.granted.lease,
             lease_s: line.grant.granted.lease_s,
         });
+        let was_heard = self.line.as_ref().is_none_or(|line| {
+            let (lease, link_state, _) = self.link_state;
+            lease == line.grant.granted.lease && link_state != LinkState::NotYet
+        });
+        self.unheard = if was_heard { 0 } else { self.unheard + 1 };
         self.searching_since = Instant::now();
         self.searching = Some(Box::pin(join::search(
             self.control.clone(),
             target,
             old,
+            pause_after(self.unheard),
             self.events.clone(),
         )));
     }
@@ -56,7 +69,8 @@ impl Run {
         attached
     }
 
-    async fn try_to_attach(&mut self, grant: Box<JoinGrant>) -> Result<(), Failure> {
+    async fn try_to_attach(&mut self, mut grant: Box<JoinGrant>) -> Result<(), Failure> {
+        lower(&mut grant.granted.parameters, self.options.profile);
         let setup = DeviceSetup::of(&grant.granted);
         let parameters = grant.granted.parameters;
         let joined = Event::Joined {
@@ -100,7 +114,7 @@ impl Run {
         let device = (self.options.open_device)(&setup).map_err(Failure::Open)?;
         let name = device.name().to_owned();
         let now = Timestamp::from_nanos(self.clock.now_ns());
-        let engine = Engine::new(now, setup.tick_s, device, attachment);
+        let engine = Engine::new(now, setup.tick_s, device, self.options.profile, attachment);
         let (realtime, ends) = Realtime::new(engine, self.clock, CAPACITIES);
         let period = Duration::from_secs_f64(setup.tick_s);
         let config = TickerConfig {
@@ -115,6 +129,7 @@ impl Run {
         self.emit(Event::Ticking {
             device: name,
             tick_s: setup.tick_s,
+            profile: self.options.profile,
             scheduler,
         });
         self.rig = Some(Rig {
@@ -149,6 +164,15 @@ impl Run {
     }
 }
 
+/// How long nobody is asked after so many leases in a row under which no frame came: a server that grants and is then silent
+/// is not asked fifty times a second.
+fn pause_after(unheard: u32) -> Duration {
+    match unheard {
+        0 => Duration::ZERO,
+        _ => LONGEST_PAUSE.min(FIRST_PAUSE * 2_u32.saturating_pow(unheard - 1)),
+    }
+}
+
 /// The slow endpoint as seen from here: a server that listens everywhere names no address of its own.
 fn reachable(slow: &str, connect: &str) -> String {
     let host = |endpoint: &str| {
@@ -166,6 +190,15 @@ fn reachable(slow: &str, connect: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_server_that_grants_and_is_silent_is_asked_ever_more_seldom() {
+        let pauses_ms = [0, 200, 400, 800, 1600, 3200, 5000, 5000];
+        for (unheard, pause_ms) in (0..).zip(pauses_ms) {
+            assert_eq!(pause_after(unheard), Duration::from_millis(pause_ms));
+        }
+        assert_eq!(pause_after(u32::MAX), LONGEST_PAUSE);
+    }
 
     #[test]
     fn a_slow_endpoint_that_listens_everywhere_is_reached_where_the_server_is() {

@@ -15,6 +15,7 @@ use std::pin::Pin;
 use std::time::Duration;
 
 use teleclay_bilateral::LinkState;
+use teleclay_device::DeviceProfile;
 use teleclay_link::scheme::SchemeContext;
 use teleclay_proto::join::FreshReply;
 use teleclay_proto::{RealmName, SessionId};
@@ -69,6 +70,8 @@ pub struct Options {
     pub token: Option<String>,
     /// What the handle is, for people to read.
     pub device: String,
+    /// What it may do to the hand. What a server asks for is taken only below it.
+    pub profile: DeviceProfile,
     /// Opens it, once the session is known; again when a later lease brings another setup.
     pub open_device: OpenDevice,
     /// What to ask the scheduler for.
@@ -150,6 +153,8 @@ struct Run {
     searching: Option<Searching>,
     searching_since: Instant,
     lost_at: Option<Instant>,
+    /// Leases in a row, up to now, under which no frame came.
+    unheard: u32,
     freshening: Option<Freshening>,
     /// What the tick wants to know is being fetched, for this lease.
     refreshing: Option<Refreshing>,
@@ -191,6 +196,7 @@ impl Run {
             searching: None,
             searching_since: started,
             lost_at: None,
+            unheard: 0,
             freshening: None,
             refreshing: None,
             refreshing_for: 0,

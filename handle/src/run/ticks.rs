@@ -147,6 +147,7 @@ impl Run {
         self.refreshing = Some(Box::pin(refresh::refresh(
             slow.clone(),
             line.grant.keys.clone(),
+            self.options.profile,
             self.revision,
             wanted,
         )));

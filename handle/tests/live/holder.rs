@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use teleclay_device::DeviceSample;
 use teleclay_handle::device::{
-    Device, DeviceCommand, DeviceError, DeviceRequest, DeviceSetup, SimulatedDevice,
+    Device, DeviceCommand, DeviceError, DeviceKind, DeviceRequest, DeviceSetup, SimulatedDevice,
 };
 use teleclay_handle::event::Event;
 use teleclay_handle::intent::Intent;
@@ -143,6 +143,7 @@ impl Holder {
             operator: "Ada".to_owned(),
             token: Some("let me in".to_owned()),
             device: "recorder".to_owned(),
+            profile: DeviceKind::Simulated.profile(),
             open_device,
             scheduling: Scheduling::Normal,
             spin: Duration::ZERO,

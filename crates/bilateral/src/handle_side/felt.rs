@@ -1,6 +1,7 @@
 //! What the hand feels in a tick, and where the device is sent.
 
 use teleclay_link::Vec3;
+use teleclay_link::safety::capped;
 use teleclay_link::scheme::HandlePort;
 use teleclay_link::time::Timestamp;
 use teleclay_proto::frame::LoopStatus;
@@ -36,7 +37,14 @@ impl HandleSide {
         let reaction = fresh + (self.fading - fresh) * self.fading_share;
         self.fading_share -= self.fading_share * (tick_s / BLEND_S);
         self.last_reaction = reaction;
-        let mut wanted = reaction * (self.remote_gain * self.status_gain);
+        let gain = self.remote_gain * self.status_gain;
+        // Capped before the ramp: a wish beyond the bound would hold the force at the bound for a part of the ramp, and let
+        // go of the hand later than it ends.
+        let mut wanted = if gain < 1.0 {
+            capped(reaction, self.model.limits.force_n) * gain
+        } else {
+            reaction
+        };
         if self.fault.is_some() {
             wanted = Vec3::zeros();
         }
