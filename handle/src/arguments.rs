@@ -231,6 +231,8 @@ impl Arguments {
             slew_n_per_s: self.slew_limit_n_per_s.unwrap_or(f64::INFINITY),
             speed_m_s: self.speed_limit_m_s.unwrap_or(f64::INFINITY),
             power_w: self.power_limit_w.unwrap_or(f64::INFINITY),
+            silence_s: f64::INFINITY,
+            ramp_s: f64::INFINITY,
         })
     }
 

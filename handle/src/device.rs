@@ -101,6 +101,8 @@ impl DeviceKind {
                 slew_n_per_s: 2000.0,
                 speed_m_s: 2.0,
                 power_w: 15.0,
+                silence_s: 0.1,
+                ramp_s: 0.05,
             },
         }
     }

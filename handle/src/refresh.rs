@@ -85,10 +85,12 @@ pub(crate) async fn refresh(
     })
 }
 
-/// Takes what a server says about the force on the hand only below what the device allows.
+/// Takes what a server says about the force on the hand, and about when it is let go, only below what the device allows.
 pub(crate) fn lower(parameters: &mut LoopParameters, profile: DeviceProfile) {
     parameters.force_limit_n = parameters.force_limit_n.min(profile.force_n);
     parameters.slew_limit_n_per_s = parameters.slew_limit_n_per_s.min(profile.slew_n_per_s);
+    parameters.silence_s = parameters.silence_s.min(profile.silence_s);
+    parameters.ramp_s = parameters.ramp_s.min(profile.ramp_s);
 }
 
 async fn parameters(

@@ -16,6 +16,10 @@ pub struct DeviceProfile {
     pub speed_m_s: f64,
     /// Greatest power that force and commanded motion bring into the hand together, W.
     pub power_w: f64,
+    /// Longest silence of the far side after which it lets go of the hand, s.
+    pub silence_s: f64,
+    /// Longest time that letting go takes, s.
+    pub ramp_s: f64,
 }
 
 impl DeviceProfile {
@@ -27,11 +31,13 @@ impl DeviceProfile {
             slew_n_per_s: self.slew_n_per_s.min(other.slew_n_per_s),
             speed_m_s: self.speed_m_s.min(other.speed_m_s),
             power_w: self.power_w.min(other.power_w),
+            silence_s: self.silence_s.min(other.silence_s),
+            ramp_s: self.ramp_s.min(other.ramp_s),
         }
     }
 }
 
-/// Holds every command to a profile.
+/// Holds every command to a profile. The two times of the profile are the loop's to keep.
 #[derive(Clone, Copy, Debug)]
 pub struct Guard {
     profile: DeviceProfile,

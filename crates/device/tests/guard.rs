@@ -14,6 +14,8 @@ const PROFILE: DeviceProfile = DeviceProfile {
     slew_n_per_s: 2000.0,
     speed_m_s: 2.0,
     power_w: 15.0,
+    silence_s: 0.1,
+    ramp_s: 0.05,
 };
 /// What rounding may add, over the bound.
 const ROUNDING: f64 = 1.0 + 1e-12;
@@ -161,11 +163,14 @@ fn a_profile_is_only_lowered() {
         slew_n_per_s: 1e9,
         speed_m_s: 0.1,
         power_w: f64::INFINITY,
+        silence_s: 0.02,
+        ramp_s: 10.0,
     };
     let lowered = PROFILE.lowered_to(lower);
     let wanted = DeviceProfile {
         force_n: 5.0,
         speed_m_s: 0.1,
+        silence_s: 0.02,
         ..PROFILE
     };
     assert_eq!(lowered, wanted);

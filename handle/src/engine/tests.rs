@@ -24,6 +24,7 @@ use crate::attachment::Arrived;
 use crate::device::DeviceKind;
 use crate::outbox::Sender;
 
+mod malice;
 mod replaced;
 
 const TICK_S: f64 = 1e-3;

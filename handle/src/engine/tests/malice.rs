@@ -1,0 +1,223 @@
+//! A server that says whatever does most harm: the hand meets no more than the device's own profile.
+
+use proptest::prelude::*;
+use proptest::test_runner::{Config, TestRunner};
+use teleclay_proto::http::Validate;
+
+use super::*;
+use crate::refresh::lower;
+
+const CASES: u32 = 2000;
+const TICKS: usize = 1000;
+
+/// Often what a loop could mean, and often the end of what may be said.
+fn number(least: f64, most: f64) -> impl Strategy<Value = f64> {
+    prop_oneof![
+        2 => (0.0..=1.0f64).prop_map(move |share| least + share * (most - least)),
+        1 => Just(least),
+        1 => Just(most),
+    ]
+}
+
+fn parameters() -> impl Strategy<Value = LoopParameters> {
+    let bounds = (
+        number(1e-3, 1e3),
+        number(0.0, 1e5),
+        number(1e-3, 1e3),
+        number(1e-3, 1e3),
+        number(1e-3, 1e5),
+    );
+    let limits = (
+        number(0.0, 1e3),
+        number(0.0, 1e6),
+        number(0.0, 10.0),
+        number(1e-3, 10.0),
+        number(1e-3, 10.0),
+    );
+    let scheme = proptest::sample::select(Scheme::ALL);
+    (bounds, limits, scheme, any::<bool>()).prop_map(|(bounds, limits, scheme, is_usual)| {
+        let usual = LoopParameters::default();
+        let (mass, damping, position_ratio, force_ratio, impedance) = bounds;
+        let (force_limit_n, slew_limit_n_per_s, speed_limit_m_s, silence_s, ramp_s) = limits;
+        let limited = LoopParameters {
+            scheme,
+            force_limit_n,
+            slew_limit_n_per_s,
+            speed_limit_m_s,
+            silence_s,
+            ramp_s,
+            reach_m: [[-10.0; 3], [10.0; 3]],
+            ..usual
+        };
+        if is_usual {
+            return limited;
+        }
+        LoopParameters {
+            virtual_mass_kg: mass,
+            virtual_damping_n_s_per_m: damping,
+            position_ratio,
+            force_ratio,
+            wave_impedance_n_s_per_m: impedance,
+            ..limited
+        }
+    })
+}
+
+/// How far a frame's sequence is ahead, its scheme, its status, and how large what it says is.
+type Words = (u32, Scheme, LoopStatus, [f64; 6]);
+
+/// One frame. A wild one may hold any number, which ends most runs in a fault.
+fn words(is_wild: bool) -> BoxedStrategy<Words> {
+    let scheme = proptest::sample::select(Scheme::ALL);
+    let status = prop_oneof![8 => Just(LoopStatus::Running), 1 => Just(LoopStatus::Paused)];
+    if is_wild {
+        let ahead = prop_oneof![9 => Just(1_u32), 2 => 0..5_u32, 1 => any::<u32>()];
+        let size = prop_oneof![8 => -1e3..1e3f64, 2 => -1e6..1e6f64, 1 => any::<f64>()];
+        return (ahead, scheme, status, proptest::array::uniform6(size)).boxed();
+    }
+    let size = prop_oneof![8 => -30.0..30.0f64, 4 => -1e3..1e3f64, 2 => -1e5..1e5f64];
+    let sizes = proptest::array::uniform6(size);
+    (1..3_u32, scheme, Just(LoopStatus::Running), sizes).boxed()
+}
+
+#[derive(Clone, Debug)]
+struct Case {
+    parameters: LoopParameters,
+    keeps_its_scheme: bool,
+    frames: Vec<Words>,
+    push_n: [f64; 3],
+}
+
+fn cases() -> impl Strategy<Value = Case> {
+    // Half of them press on with the same words.
+    let length = prop_oneof![Just(1_usize), 2..40_usize];
+    let frames = (prop::bool::weighted(0.2), length)
+        .prop_flat_map(|(is_wild, length)| proptest::collection::vec(words(is_wild), length));
+    let push = proptest::array::uniform3(-5.0..5.0f64);
+    (parameters(), prop::bool::weighted(0.8), frames, push).prop_map(
+        |(parameters, keeps_its_scheme, frames, push_n)| Case {
+            parameters,
+            keeps_its_scheme,
+            frames,
+            push_n,
+        },
+    )
+}
+
+fn harm(case: &Case) -> (usize, f64) {
+    let profile = DeviceKind::Simulated.profile();
+    let mut granted = granted(1);
+    granted.parameters = case.parameters.clone();
+    granted
+        .parameters
+        .validate()
+        .expect("what a handle would take");
+    lower(&mut granted.parameters, profile);
+
+    let (told, commands) = mpsc::channel();
+    let (_trouble, troubles) = mpsc::channel();
+    let push = Intent::constant_force(case.push_n).unwrap();
+    let probe = Probe {
+        handle: SimulatedHandle::new(Axes::Three, TICK_S, push).unwrap(),
+        told,
+        last: DeviceSample::default(),
+        is_blind: false,
+        is_lost: false,
+        wants_clay: false,
+        trouble: troubles,
+    };
+    let (outbox, _sender) = Sender::spawn(Clock::start(), |_| true).unwrap();
+    // Parameters that make no loop are refused before any loop runs.
+    let Ok((attachment, mut arriving)) = Attachment::new(&granted, outbox) else {
+        return (0, 0.0);
+    };
+    let mut now = Timestamp::ZERO.after(TICK);
+    let engine = Engine::new(now, TICK_S, Box::new(probe), profile, attachment);
+    let (mut realtime, mut ends) = Realtime::new(engine, Clock::start(), CAPACITIES);
+    let mut sequence = 0_u32;
+    for tick in 0..TICKS {
+        let (ahead, scheme, status, sizes) = case.frames[tick % case.frames.len()];
+        sequence = sequence.wrapping_add(ahead);
+        let vector = |at: usize| [sizes[at % 6], sizes[(at + 1) % 6], sizes[(at + 2) % 6]];
+        let mut frame = ToolFrame {
+            status,
+            position_m: vector(0).map(|part| part * 1e-3),
+            velocity_m_s: vector(1),
+            force_n: vector(2),
+            wave: vector(3),
+            wave_integral: vector(4),
+            energy_in_j: vector(5),
+            ..ToolFrame::default()
+        };
+        frame.header.lease = 1;
+        frame.header.ownership_epoch = 1;
+        frame.header.sequence = sequence;
+        frame.header.sent_ns = now.as_nanos();
+        frame.header.scheme = if case.keeps_its_scheme {
+            case.parameters.scheme
+        } else {
+            scheme
+        };
+        // A full ring is a frame less.
+        let _ = arriving.push(Arrived { at: now, frame });
+        let _ = realtime.tick_at(now, IN_TIME);
+        while ends.records.pop().is_ok() {}
+        while ends.done.pop().is_ok() {}
+        now = now.after(TICK);
+    }
+
+    let mut last = DeviceCommand::default();
+    let mut greatest_n = 0.0_f64;
+    let told: Vec<(DeviceSample, DeviceCommand)> = commands.try_iter().collect();
+    let norm = |v: [f64; 3]| v.iter().map(|part| part * part).sum::<f64>().sqrt();
+    for (index, (sample, command)) in told.iter().enumerate() {
+        if index == 0 {
+            last.position_m = sample.position_m;
+        }
+        let way_m = minus(command.position_m, last.position_m);
+        let change_n = norm(minus(command.force_n, last.force_n));
+        let parts = command.force_n.iter().zip(way_m);
+        let power_w = parts.map(|(force, way)| force * way).sum::<f64>() / TICK_S;
+        assert!(
+            norm(command.force_n) <= profile.force_n + 1e-9,
+            "{command:?}"
+        );
+        assert!(
+            change_n <= profile.slew_n_per_s * TICK_S + 1e-9,
+            "{change_n} N in a tick"
+        );
+        assert!(
+            norm(way_m) <= profile.speed_m_s * TICK_S + 1e-9,
+            "{way_m:?} in a tick"
+        );
+        assert!(power_w <= profile.power_w + 1e-6, "{power_w} W");
+        greatest_n = greatest_n.max(norm(command.force_n));
+        last = *command;
+    }
+    (told.len(), greatest_n)
+}
+
+#[test]
+fn no_server_makes_the_hand_meet_more_than_the_devices_own_profile() {
+    let mut runner = TestRunner::new(Config {
+        cases: CASES,
+        failure_persistence: None,
+        ..Config::default()
+    });
+    let ticks = std::cell::Cell::new(0);
+    let pressed = std::cell::Cell::new(0);
+    let outcome = runner.run(&cases(), |case| {
+        let (told, greatest_n) = harm(&case);
+        ticks.set(ticks.get() + told);
+        pressed.set(pressed.get() + u32::from(10.0 < greatest_n));
+        Ok(())
+    });
+    outcome.unwrap();
+    // Nothing is shown by servers that do nothing.
+    assert!(
+        50 < pressed.get(),
+        "only {} servers pressed at all",
+        pressed.get()
+    );
+    assert!(1_000_000 < ticks.get(), "only {} commands", ticks.get());
+}
