@@ -71,8 +71,8 @@ pub enum JoinError {
     },
 }
 
-/// Asks until a server answers, after a pause. With an old lease, that one is given back first, and a server that is full or about to
-/// stop is asked again for as long as the old lease may hold the slot.
+/// Asks until a server answers, after a pause. With an old lease, that one is given back first, and a server that is
+/// full or about to stop is asked again for as long as the old lease may hold the slot.
 ///
 /// # Errors
 /// A server refuses, or answers nonsense.

@@ -85,7 +85,8 @@ pub(crate) async fn refresh(
     })
 }
 
-/// Takes what a server says about the force on the hand, and about when it is let go, only below what the device allows.
+/// Takes what a server says about the force on the hand, and about when it is let go, only below what the device
+/// allows.
 pub(crate) fn lower(parameters: &mut LoopParameters, profile: DeviceProfile) {
     parameters.force_limit_n = parameters.force_limit_n.min(profile.force_n);
     parameters.slew_limit_n_per_s = parameters.slew_limit_n_per_s.min(profile.slew_n_per_s);

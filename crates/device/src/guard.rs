@@ -1,7 +1,7 @@
 //! The handle's own law: what a device does to the hand at most, whatever scheme, session or server asks for.
 //!
-//! The guard is the last thing that a command passes before the device. It knows no server and no scheme; so nothing that
-//! comes over a wire can widen it.
+//! The guard is the last thing that a command passes before the device. It knows no server and no scheme; so nothing
+//! that comes over a wire can widen it.
 
 use crate::DeviceCommand;
 
@@ -61,9 +61,9 @@ impl Guard {
 
     /// What the device may be told of `wanted`, where its handle is at `position_m` before the first command.
     ///
-    /// The force is capped, and from the last one on changes no faster than the slew. The way from the last command is no
-    /// longer than the speed allows, and shorter where force and motion together would bring more power into the hand than
-    /// there may be. A place or a force that is no number counts as the last place, and as no force.
+    /// The force is capped, and from the last one on changes no faster than the slew. The way from the last command is
+    /// no longer than the speed allows, and shorter where force and motion together would bring more power into the
+    /// hand than there may be. A place or a force that is no number counts as the last place, and as no force.
     pub fn step(&mut self, wanted: DeviceCommand, position_m: [f64; 3]) -> DeviceCommand {
         let last = self.last.unwrap_or(DeviceCommand {
             position_m: finite(position_m).unwrap_or_default(),

@@ -17,8 +17,8 @@ fn norm(v: [f64; 3]) -> f64 {
     v.iter().map(|part| part * part).sum::<f64>().sqrt()
 }
 
-/// What a hand that holds its handle fast feels, tick by tick, of a tool side that presses with `force_n` and then falls
-/// silent.
+/// What a hand that holds its handle fast feels, tick by tick, of a tool side that presses with `force_n` and then
+/// falls silent.
 fn felt(parameters: &LoopParameters, force_n: f64) -> Vec<[f64; 3]> {
     let lease = Lease {
         number: 7,

@@ -164,8 +164,8 @@ impl Run {
     }
 }
 
-/// How long nobody is asked after so many leases in a row under which no frame came: a server that grants and is then silent
-/// is not asked fifty times a second.
+/// How long nobody is asked after so many leases in a row under which no frame came: a server that grants and is then
+/// silent is not asked fifty times a second.
 fn pause_after(unheard: u32) -> Duration {
     match unheard {
         0 => Duration::ZERO,

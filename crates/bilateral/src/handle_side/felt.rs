@@ -38,8 +38,8 @@ impl HandleSide {
         self.fading_share -= self.fading_share * (tick_s / BLEND_S);
         self.last_reaction = reaction;
         let gain = self.remote_gain * self.status_gain;
-        // Capped before the ramp: a wish beyond the bound would hold the force at the bound for a part of the ramp, and let
-        // go of the hand later than it ends.
+        // Capped before the ramp: a wish beyond the bound would hold the force at the bound for a part of the ramp, and
+        // let go of the hand later than it ends.
         let mut wanted = if gain < 1.0 {
             capped(reaction, self.model.limits.force_n) * gain
         } else {

@@ -107,7 +107,7 @@ fn cases() -> impl Strategy<Value = Case> {
 fn harm(case: &Case) -> (usize, f64) {
     let profile = DeviceKind::Simulated.profile();
     let mut granted = granted(1);
-    granted.parameters = case.parameters.clone();
+    granted.parameters = case.parameters;
     granted
         .parameters
         .validate()
