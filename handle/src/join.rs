@@ -277,3 +277,16 @@ where
 fn unusable(reason: String) -> JoinError {
     JoinError::Unusable { reason }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_a_loop_of_the_handles_own_tick_is_joined() {
+        assert!(is_our_tick(1e-3));
+        for tick_s in [1e-5, 0.9e-3, 1.1e-3, 0.1, f64::NAN] {
+            assert!(!is_our_tick(tick_s), "{tick_s}");
+        }
+    }
+}

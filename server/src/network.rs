@@ -25,6 +25,7 @@ use teleclay_shell::Clock;
 use teleclay_shell::network::{CONTROL_QOS, Endpoints, NetworkError, open};
 use zenoh::Session;
 use zenoh::Wait;
+use zenoh::bytes::ZBytes;
 use zenoh::liveliness::LivelinessToken;
 use zenoh::query::Query;
 
@@ -34,6 +35,8 @@ use crate::engine::{Incoming, Outgoing};
 /// How often slow state is published, and bricks at most.
 const STATE_PERIOD: Duration = Duration::from_millis(500);
 const BRICKS_PERIOD: Duration = Duration::from_millis(100);
+/// Longer questions are not read: a join has a hundredth of it.
+const LONGEST_QUESTION: usize = 16 * 1024;
 /// The sender looks into its ring at least this often, should a wake-up get lost.
 const SENDER_NAP: Duration = Duration::from_millis(5);
 
@@ -325,11 +328,23 @@ async fn answer(query: &Query, realm: &RealmName, directory: &Directory) {
     if keys.realm() != realm {
         return;
     }
-    let payload = query
-        .payload()
-        .map(|bytes| bytes.to_bytes().into_owned())
-        .unwrap_or_default();
     let id = keys.session();
+    let payload = match question(query.payload()) {
+        Ok(payload) => payload,
+        Err(bytes) => {
+            let reason = format!("{bytes} bytes, wanted {LONGEST_QUESTION} at most");
+            tracing::warn!(key = %query.key_expr(), "a question of {reason}");
+            let reply = match leaf {
+                Leaf::Join => json(&JoinReply::Refused {
+                    code: RefusalCode::BadRequest,
+                    reason,
+                }),
+                Leaf::ClayFresh => json(&FreshReply::Refused { reason }),
+                _ => return,
+            };
+            return reply_with(query, &keys, leaf, reply).await;
+        }
+    };
     let reply = match leaf {
         Leaf::Join => json(&join(id, &payload, directory).await),
         Leaf::Leave => json(&leave(id, &payload, directory).await),
@@ -354,6 +369,15 @@ async fn answer(query: &Query, realm: &RealmName, directory: &Directory) {
         _ => return,
     };
     reply_with(query, &keys, leaf, reply).await;
+}
+
+/// What a query brings, copied only where it is no longer than any question here may be; else its length in bytes.
+fn question(payload: Option<&ZBytes>) -> Result<Vec<u8>, usize> {
+    match payload {
+        None => Ok(Vec::new()),
+        Some(bytes) if LONGEST_QUESTION < bytes.len() => Err(bytes.len()),
+        Some(bytes) => Ok(bytes.to_bytes().into_owned()),
+    }
 }
 
 async fn reply_with(query: &Query, keys: &SessionKeys, leaf: Leaf, payload: Vec<u8>) {
@@ -523,3 +547,17 @@ const _: () = assert!(
     BRICK_VOXELS == teleclay_clay::BRICK_VOXELS,
     "bricks on the wire are the clay's"
 );
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_question_that_is_too_long_is_not_copied() {
+        let bytes = |length: usize| ZBytes::from(vec![b' '; length]);
+        assert_eq!(question(None), Ok(Vec::new()));
+        let longest = question(Some(&bytes(LONGEST_QUESTION)));
+        assert_eq!(longest.map(|payload| payload.len()), Ok(LONGEST_QUESTION));
+        assert_eq!(question(Some(&bytes(100_000_000))), Err(100_000_000));
+    }
+}

@@ -8,6 +8,7 @@
 #![allow(clippy::print_stdout, reason = "how long things took is a result, too")]
 
 mod agreement;
+mod backlog;
 mod changing;
 mod endings;
 mod network;

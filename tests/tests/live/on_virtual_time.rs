@@ -189,6 +189,27 @@ pub(super) fn no_energy_is_made(scheme: Scheme, up: &str, down: &str) {
     bench.assert_is_gentle();
 }
 
+/// Either program is stopped for two seconds and continued: the hand feels no more of what waited than it felt before.
+pub(super) fn a_program_that_stands_still(scheme: Scheme) {
+    for is_server in [true, false] {
+        let mut bench = Bench::cutting(scheme);
+        let before_n = bench.seen.greatest_n;
+        let span = Duration::from_secs(2);
+        if is_server {
+            bench.rig.halt_session(Halt::Program, span);
+        } else {
+            bench.rig.halt_handle(Halt::Program, span);
+        }
+        bench.run(3000);
+        let after_n = bench.seen.greatest_n;
+        assert!(
+            after_n <= before_n + 0.6,
+            "{scheme}: {after_n} N after, {before_n} N before"
+        );
+        bench.assert_is_gentle();
+    }
+}
+
 /// They have to hold on any day, not only on one when a live test was starved.
 mod always {
     use super::*;
@@ -205,6 +226,14 @@ mod always {
         a_server_that_stands_still();
         for scheme in [Scheme::ForceExchange, Scheme::Wave, Scheme::Tdpa] {
             a_cut_line_releases_the_hand(scheme);
+        }
+        for scheme in [
+            Scheme::ForceExchange,
+            Scheme::PositionForce,
+            Scheme::Wave,
+            Scheme::Tdpa,
+        ] {
+            a_program_that_stands_still(scheme);
         }
         for scheme in [Scheme::Wave, Scheme::Tdpa] {
             no_energy_is_made(
