@@ -17,7 +17,8 @@ const SCHEMES: [Scheme; 4] = [
     Scheme::Wave,
     Scheme::Tdpa,
 ];
-/// A cut gives up to 1.8 N as it goes, by waves or by frames that come two to a tick; a queue that is felt gave 4 to 7 N.
+/// A cut gives up to 1.8 N as it goes, by waves or by frames that come two to a tick; a queue that is felt gave 4 to
+/// 7 N.
 const MOST_N: f64 = 2.5;
 /// What comes after a return is looked at for so many ticks.
 const LOOKED_AT: usize = 500;
