@@ -156,7 +156,8 @@ impl Engine {
         Self {
             tick_s,
             device,
-            guard: Guard::new(profile, tick_s),
+            // What one command changes is never more than a millisecond is good for.
+            guard: Guard::new(profile, tick_s.min(1e-3)),
             attachment,
             next: None,
             brake: None,

@@ -166,9 +166,9 @@ pub(crate) async fn fresh(
         .unwrap_or_else(|| Err("nobody answers".to_owned()))
 }
 
-/// What a device does to a hand at most counts by the tick, so no server says how long one is.
+/// Ticks that a device keeps up with, and that hold what one command can change within what a hand bears.
 fn is_our_tick(tick_s: f64) -> bool {
-    (tick_s - 1e-3).abs() < 1e-9
+    (0.5e-3..=2e-3).contains(&tick_s)
 }
 
 /// Asks once; `None` when nobody answers.
@@ -188,7 +188,7 @@ async fn ask(control: &Session, target: &JoinTarget) -> Option<Result<Box<JoinGr
                 leave(control, &keys, granted.lease).await;
                 let tick_ms = granted.parameters.tick_s * 1e3;
                 error = Some(unusable(format!(
-                    "its loop ticks every {tick_ms} ms, this handle's every 1 ms"
+                    "its loop ticks every {tick_ms} ms, wanted 0.5 to 2 ms"
                 )));
             }
             Ok(JoinReply::Granted(granted)) if grant.is_none() => {
@@ -283,9 +283,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_a_loop_of_the_handles_own_tick_is_joined() {
-        assert!(is_our_tick(1e-3));
-        for tick_s in [1e-5, 0.9e-3, 1.1e-3, 0.1, f64::NAN] {
+    fn only_a_loop_whose_tick_a_device_keeps_is_joined() {
+        for tick_s in [0.5e-3, 1e-3, 2e-3] {
+            assert!(is_our_tick(tick_s), "{tick_s}");
+        }
+        for tick_s in [1e-5, 0.49e-3, 2.01e-3, 0.1, f64::NAN] {
             assert!(!is_our_tick(tick_s), "{tick_s}");
         }
     }
