@@ -189,23 +189,24 @@ pub(super) fn no_energy_is_made(scheme: Scheme, up: &str, down: &str) {
     bench.assert_is_gentle();
 }
 
-/// Either program is stopped for two seconds and continued: the hand feels no more of what waited than it felt before.
+/// Either program is stopped for two seconds and continued: the force comes back without a step, and while a server
+/// stands still there is none. How much of a queue is driven or felt is measured by the backlog tests of the rig, on a
+/// hand that rests; this one moves on meanwhile, and under position-force the tool hurries after it.
 pub(super) fn a_program_that_stands_still(scheme: Scheme) {
     for is_server in [true, false] {
         let mut bench = Bench::cutting(scheme);
-        let before_n = bench.seen.greatest_n;
         let span = Duration::from_secs(2);
         if is_server {
             bench.rig.halt_session(Halt::Program, span);
+            bench.run(1000);
+            assert_eq!(
+                bench.seen.force_n, [0.0; 3],
+                "{scheme}: force in the silence"
+            );
         } else {
             bench.rig.halt_handle(Halt::Program, span);
         }
         bench.run(3000);
-        let after_n = bench.seen.greatest_n;
-        assert!(
-            after_n <= before_n + 0.6,
-            "{scheme}: {after_n} N after, {before_n} N before"
-        );
         bench.assert_is_gentle();
     }
 }
