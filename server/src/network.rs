@@ -333,7 +333,7 @@ async fn answer(query: &Query, realm: &RealmName, directory: &Directory) {
         Ok(payload) => payload,
         Err(bytes) => {
             let reason = format!("{bytes} bytes, wanted {LONGEST_QUESTION} at most");
-            tracing::warn!(key = %query.key_expr(), "a question of {reason}");
+            tracing::debug!(key = %query.key_expr(), "a question of {reason}");
             let reply = match leaf {
                 Leaf::Join => json(&JoinReply::Refused {
                     code: RefusalCode::BadRequest,

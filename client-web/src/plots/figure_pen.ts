@@ -1,6 +1,6 @@
 // The pen that draws a figure: its grid, its lines, its marks.
 
-import type { Band, Circle, Colour, Line, Mark, Rule } from "./figure";
+import type { Band, Circle, Colour, Line, Mark, Rule } from "./figure_marks";
 import type { AxisMap } from "./figure_axis";
 
 /** Where the axes run, pixels. */

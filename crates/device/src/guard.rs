@@ -44,7 +44,6 @@ pub struct Guard {
     tick_s: f64,
     /// What the device was told last.
     last: Option<DeviceCommand>,
-    held_back: u64,
 }
 
 impl Guard {
@@ -55,7 +54,6 @@ impl Guard {
             profile,
             tick_s,
             last: None,
-            held_back: 0,
         }
     }
 
@@ -98,15 +96,8 @@ impl Guard {
             },
             force_n: force,
         };
-        self.held_back += u64::from(told != wanted);
         self.last = Some(told);
         told
-    }
-
-    /// Commands so far that were held back.
-    #[must_use]
-    pub fn held_back(&self) -> u64 {
-        self.held_back
     }
 }
 

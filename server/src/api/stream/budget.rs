@@ -13,6 +13,8 @@ const BURST_BYTES: f64 = BYTES_PER_S;
 pub(super) struct Budget {
     left_bytes: f64,
     refilled: Instant,
+    /// A request has been heard in debt since the last refill.
+    has_heard: bool,
 }
 
 impl Budget {
@@ -20,6 +22,7 @@ impl Budget {
         Self {
             left_bytes: BURST_BYTES,
             refilled: now,
+            has_heard: false,
         }
     }
 
@@ -28,6 +31,18 @@ impl Budget {
         let passed_s = now.duration_since(self.refilled).as_secs_f64();
         self.left_bytes = BURST_BYTES.min(self.left_bytes + BYTES_PER_S * passed_s);
         self.refilled = now;
+        self.has_heard = false;
+    }
+
+    /// Whether a request may be heard now: any number while there is something left, and in debt one from refill to
+    /// refill, so that whoever is told much can still ask for a pause.
+    pub(super) fn may_hear(&self) -> bool {
+        0.0 < self.left_bytes || !self.has_heard
+    }
+
+    /// A request was heard.
+    pub(super) fn on_request(&mut self) {
+        self.has_heard = self.left_bytes <= 0.0;
     }
 
     pub(super) fn spend(&mut self, bytes: usize) {
@@ -74,6 +89,25 @@ mod tests {
         let mut budget = Budget::full(start);
         budget.refill(start + Duration::from_secs(3600));
         assert_eq!(budget.left_bytes(), BURST_BYTES as usize);
+    }
+
+    /// Telemetry of many tools may use up the share for good; a request is heard all the same, and no more than one.
+    #[test]
+    fn in_debt_one_request_is_heard_from_refill_to_refill() {
+        let start = Instant::now();
+        let mut budget = Budget::full(start);
+        for _ in 0..1000 {
+            assert!(budget.may_hear(), "there is something left");
+            budget.on_request();
+        }
+        for tick in 1..100 {
+            budget.spend(100_000_000);
+            budget.refill(start + Duration::from_millis(40 * tick));
+            assert_eq!(budget.left_bytes(), 0);
+            assert!(budget.may_hear());
+            budget.on_request();
+            assert!(!budget.may_hear());
+        }
     }
 
     #[test]

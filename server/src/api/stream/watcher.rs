@@ -181,9 +181,9 @@ impl Watcher {
                     self.say(socket, &answer).await?;
                 }
                 event = self.events.recv() => self.on_event(socket, event).await?,
-                // Whoever asks for so much that the answers use up the share is not listened to until there is some
-                // again.
-                message = socket.recv(), if self.change.is_none() && 0 < self.budget.left_bytes() => {
+                // Whoever asks for so much that the answers use up the share is heard more slowly.
+                message = socket.recv(), if self.change.is_none() && self.budget.may_hear() => {
+                    self.budget.on_request();
                     let message = message.ok_or(End::Left)?.map_err(end_of)?;
                     self.on_message(socket, message).await?;
                 }
