@@ -1,0 +1,119 @@
+//! Zenoh: frames in and out on one session, everything slow on another.
+//!
+//! | module | does |
+//! |---|---|
+//! | `frames` | frames, from the network to the tick and from the tick to the network |
+//! | `queries` | what is asked |
+//! | `publish` | what is told without being asked |
+
+mod frames;
+mod publish;
+mod queries;
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::JoinHandle;
+
+use teleclay_proto::RealmName;
+use teleclay_shell::Clock;
+use teleclay_shell::network::{Endpoints, NetworkError, open};
+use zenoh::Session;
+
+use crate::directory::Directory;
+
+pub(crate) use frames::{FedSender, Sender};
+
+use frames::{Sending, receive_frames};
+use publish::{publish_bricks, publish_state, show_sessions};
+use queries::answer_queries;
+
+/// The server's side of Zenoh. Dropping it closes nothing by itself: see [`Network::close`].
+pub struct Network {
+    control: Session,
+    slow: Session,
+    stop: Arc<AtomicBool>,
+    sender: Option<JoinHandle<()>>,
+}
+
+impl Network {
+    /// Opens both sessions and serves `directory` on them.
+    ///
+    /// # Errors
+    /// An endpoint cannot be listened on.
+    pub(crate) async fn open(
+        realm: &RealmName,
+        control_endpoint: &str,
+        slow_endpoint: &str,
+        directory: &Directory,
+        sender: FedSender,
+        clock: Clock,
+    ) -> Result<Self, NetworkError> {
+        let listen = |endpoint: &str| Endpoints {
+            listen: vec![endpoint.to_owned()],
+            connect: Vec::new(),
+        };
+        let control = open(&listen(control_endpoint)).await?;
+        let slow = open(&listen(slow_endpoint)).await?;
+        let failed = |reason: zenoh::Error| NetworkError::Open {
+            what: control_endpoint.to_owned(),
+            reason: reason.to_string(),
+        };
+
+        receive_frames(&control, realm, directory.clone(), clock)
+            .await
+            .map_err(failed)?;
+        for session in [&control, &slow] {
+            answer_queries(session, realm, directory.clone())
+                .await
+                .map_err(failed)?;
+        }
+        tokio::spawn(publish_state(
+            slow.clone(),
+            realm.clone(),
+            directory.clone(),
+        ));
+        tokio::spawn(show_sessions(
+            slow.clone(),
+            realm.clone(),
+            directory.clone(),
+        ));
+        tokio::spawn(publish_bricks(
+            slow.clone(),
+            realm.clone(),
+            directory.clone(),
+        ));
+        let FedSender { sender, outgoing } = sender;
+        let sending = Sending {
+            outgoing,
+            session: control.clone(),
+            realm: realm.clone(),
+            directory: directory.clone(),
+        };
+        // Fails only if the thread is gone; then nothing would be sent, and readiness would say so.
+        let is_sending = sender.start.send(sending).is_ok();
+        if is_sending {
+            directory.set_zenoh_up();
+        }
+        Ok(Self {
+            control,
+            slow,
+            stop: sender.stop,
+            sender: Some(sender.thread),
+        })
+    }
+
+    /// Closes both sessions and ends the sender.
+    pub async fn close(mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        if let Some(sender) = self.sender.take() {
+            sender.thread().unpark();
+            // A panic was printed by the thread itself.
+            let _ = tokio::task::spawn_blocking(move || sender.join()).await;
+        }
+        for session in [self.control, self.slow] {
+            if let Err(error) = session.close().await {
+                tracing::warn!(%error, "a zenoh session did not close cleanly");
+            }
+        }
+    }
+}
