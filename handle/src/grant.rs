@@ -1,5 +1,8 @@
 //! What a server's yes to a join holds.
 
+use std::sync::Arc;
+
+use teleclay_channel::Channel;
 use teleclay_proto::join::Granted;
 use teleclay_proto::keys::SessionKeys;
 
@@ -8,4 +11,6 @@ use teleclay_proto::keys::SessionKeys;
 pub(crate) struct JoinGrant {
     pub(crate) keys: SessionKeys,
     pub(crate) granted: Granted,
+    /// What this handle and that server know each other by.
+    pub(crate) channel: Arc<Channel>,
 }

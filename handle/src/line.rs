@@ -6,8 +6,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use rtrb::Producer;
 use teleclay_bilateral::ParameterError;
+use teleclay_channel::{Channel, Purpose, TRAILER};
 use teleclay_link::time::Timestamp;
-use teleclay_proto::frame::ToolFrame;
+use teleclay_proto::frame::{MAX_FRAME, ToolFrame};
 use teleclay_shell::Clock;
 use teleclay_shell::network::CONTROL_QOS;
 use tokio::sync::mpsc::UnboundedSender;
@@ -40,12 +41,18 @@ pub enum LineError {
 /// Frames that came and were of no use.
 #[derive(Debug, Default)]
 pub(crate) struct Rejected {
+    unheard: AtomicU64,
     undecodable: AtomicU64,
     foreign: AtomicU64,
     overflowed: AtomicU64,
 }
 
 impl Rejected {
+    /// Payloads that the server of the lease did not write, or that came again.
+    pub(crate) fn unheard(&self) -> u64 {
+        self.unheard.load(Ordering::Relaxed)
+    }
+
     /// Payloads that are no frame of this version.
     pub(crate) fn undecodable(&self) -> u64 {
         self.undecodable.load(Ordering::Relaxed)
@@ -86,7 +93,11 @@ impl Line {
         grant: Box<JoinGrant>,
         gone: UnboundedSender<u32>,
     ) -> Result<(Self, Box<Attachment>), LineError> {
-        let JoinGrant { keys, granted } = &*grant;
+        let JoinGrant {
+            keys,
+            granted,
+            channel,
+        } = &*grant;
         let (congestion, priority, express, reliability) = CONTROL_QOS;
         let up = control
             .declare_publisher(keys.tool_up(granted.tool))
@@ -96,12 +107,20 @@ impl Line {
             .reliability(reliability)
             .await
             .map_err(zenoh_error)?;
-        let (outbox, sender) = Sender::spawn(clock, move |bytes| up.put(bytes).wait().is_ok())?;
+        let sealing = Arc::clone(channel);
+        let mut sealed = Vec::with_capacity(MAX_FRAME + TRAILER);
+        let (outbox, sender) = Sender::spawn(clock, move |frame| {
+            sealed.clear();
+            sealed.extend_from_slice(frame);
+            sealed.extend_from_slice(&sealing.trailer(Purpose::Frame, frame));
+            up.put(&sealed[..]).wait().is_ok()
+        })?;
         let (attachment, arriving) = Attachment::new(granted, outbox)?;
         let rejected = Arc::new(Rejected::default());
         let arrivals = Arrivals {
             clock,
             lease: granted.lease,
+            channel: Arc::clone(channel),
             arriving,
             rejected: Arc::clone(&rejected),
         };
@@ -165,10 +184,11 @@ impl Line {
     }
 }
 
-/// Runs on Zenoh's own thread, where anything slow would hold up every session: decode, push, return.
+/// Runs on Zenoh's own thread, where anything slow would hold up every session: open, decode, push, return.
 struct Arrivals {
     clock: Clock,
     lease: u32,
+    channel: Arc<Channel>,
     arriving: Producer<Arrived>,
     rejected: Arc<Rejected>,
 }
@@ -176,8 +196,9 @@ struct Arrivals {
 impl Arrivals {
     fn on_sample(&mut self, sample: &Sample) {
         let at = Timestamp::from_nanos(self.clock.now_ns());
-        let count = match ToolFrame::decode(&sample.payload().to_bytes()) {
-            Err(_) => &self.rejected.undecodable,
+        let count = match self.open(sample) {
+            Err(Useless::Unheard) => &self.rejected.unheard,
+            Err(Useless::Undecodable) => &self.rejected.undecodable,
             Ok(frame) if frame.header.lease != self.lease => &self.rejected.foreign,
             Ok(frame) => match self.arriving.push(Arrived { at, frame }) {
                 Ok(()) => return,
@@ -186,6 +207,23 @@ impl Arrivals {
         };
         count.fetch_add(1, Ordering::Relaxed);
     }
+
+    /// The frame, if it is one that the server has sealed and that comes for the first time.
+    fn open(&self, sample: &Sample) -> Result<ToolFrame, Useless> {
+        if MAX_FRAME + TRAILER < sample.payload().len() {
+            return Err(Useless::Unheard);
+        }
+        let sealed = sample.payload().to_bytes();
+        let opened = self.channel.open(Purpose::Frame, &sealed);
+        let frame = opened.map_err(|_| Useless::Unheard)?;
+        ToolFrame::decode(frame).map_err(|_| Useless::Undecodable)
+    }
+}
+
+/// Why a payload is of no use.
+enum Useless {
+    Unheard,
+    Undecodable,
 }
 
 fn zenoh_error(error: zenoh::Error) -> LineError {

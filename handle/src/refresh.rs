@@ -8,6 +8,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use teleclay_bilateral::{clay_shape, tool_setup};
+use teleclay_channel::Purpose;
 use teleclay_clay::{BrickView, Clay};
 use teleclay_device::DeviceProfile;
 use teleclay_link::replica::ToolSetup;
@@ -15,10 +16,12 @@ use teleclay_link::scheme::replica::{Snapshot, WantedSnapshot};
 use teleclay_proto::Scheme;
 use teleclay_proto::http::Validate;
 use teleclay_proto::join::LoopParameters;
-use teleclay_proto::keys::SessionKeys;
 use teleclay_proto::watch::{BRICK_VOXELS, BrickBody, BricksView};
 use tokio::time::Instant;
 use zenoh::Session;
+
+use crate::grant::JoinGrant;
+use crate::question::Question;
 
 /// After an answer, or none, nothing is asked for this long: what came has reached the tick by then, and a server that
 /// has just made a fresh block shows it in its mirror.
@@ -27,6 +30,10 @@ pub(crate) const PAUSE: Duration = Duration::from_millis(100);
 const TIMEOUT: Duration = Duration::from_secs(10);
 /// Longer descriptions are not read: one of a session with the most tools and steps has a fifth of it.
 const LONGEST_TEXT: usize = 64 * 1024;
+
+/// Nor are longer snapshots: the largest block has 2²⁷ voxels of a byte each, and a packed brick is at most a hundredth
+/// longer.
+const LONGEST_SNAPSHOT: usize = (1 << 27) / 100 * 102;
 
 /// What the tick would like to know.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -63,7 +70,7 @@ pub(crate) struct Fresh {
 /// Nobody answers, or nonsense; in words.
 pub(crate) async fn refresh(
     slow: Session,
-    keys: SessionKeys,
+    grant: JoinGrant,
     profile: DeviceProfile,
     known: u32,
     wanted: Wanted,
@@ -72,11 +79,11 @@ pub(crate) async fn refresh(
     let parameters = if wanted.revision == known {
         None
     } else {
-        Some(parameters(&slow, &keys, profile).await?)
+        Some(parameters(&slow, &grant, profile).await?)
     };
     let snapshot = match wanted.snapshot {
         None => None,
-        Some(wanted) => Some(snapshot(&slow, &keys, wanted.epoch).await?),
+        Some(wanted) => Some(snapshot(&slow, &grant, wanted.epoch).await?),
     };
     Ok(Fresh {
         parameters,
@@ -96,10 +103,10 @@ pub(crate) fn lower(parameters: &mut LoopParameters, profile: DeviceProfile) {
 
 async fn parameters(
     slow: &Session,
-    keys: &SessionKeys,
+    grant: &JoinGrant,
     profile: DeviceProfile,
 ) -> Result<Changed, String> {
-    let mut parameters: LoopParameters = text(slow, &keys.parameters()).await?;
+    let mut parameters: LoopParameters = text(slow, grant, Purpose::Parameters).await?;
     parameters
         .validate()
         .map_err(|error| format!("parameters: {error}"))?;
@@ -112,8 +119,8 @@ async fn parameters(
     })
 }
 
-async fn snapshot(slow: &Session, keys: &SessionKeys, epoch: u32) -> Result<Snapshot, String> {
-    let described: teleclay_proto::http::Session = text(slow, &keys.state()).await?;
+async fn snapshot(slow: &Session, grant: &JoinGrant, epoch: u32) -> Result<Snapshot, String> {
+    let described: teleclay_proto::http::Session = text(slow, grant, Purpose::State).await?;
     let clay = described.clay;
     if clay.epoch != epoch {
         return Err(format!(
@@ -126,7 +133,10 @@ async fn snapshot(slow: &Session, keys: &SessionKeys, epoch: u32) -> Result<Snap
         voxel_size_m: clay.voxel_size_m,
     };
     spec.validate().map_err(|error| format!("clay: {error}"))?;
-    let bricks = ask(slow, &keys.clay_snapshot()).await?;
+    let key = grant.keys.clay_snapshot();
+    let bricks = question(slow, grant, Purpose::ClaySnapshot, &key)
+        .ask_for_parts()
+        .await?;
     let built = tokio::task::spawn_blocking(move || build(&spec, epoch, &bricks));
     // It fails only where the program ends.
     let clay = built.await.map_err(|error| error.to_string())??;
@@ -189,35 +199,37 @@ fn build(
     Ok(Box::new(clay))
 }
 
-async fn text<T: serde::de::DeserializeOwned>(slow: &Session, key: &str) -> Result<T, String> {
-    let answers = ask(slow, key).await?;
-    let answer = answers.first().ok_or("nobody answers")?;
-    if LONGEST_TEXT < answer.len() {
-        return Err(format!(
-            "`{key}` has {} bytes, want {LONGEST_TEXT} at most",
-            answer.len()
-        ));
-    }
-    serde_json::from_slice(answer).map_err(|error| format!("`{key}`: {error}"))
+async fn text<T: serde::de::DeserializeOwned>(
+    slow: &Session,
+    grant: &JoinGrant,
+    purpose: Purpose,
+) -> Result<T, String> {
+    let key = match purpose {
+        Purpose::Parameters => grant.keys.parameters(),
+        _ => grant.keys.state(),
+    };
+    let answer = question(slow, grant, purpose, &key).ask().await?;
+    serde_json::from_slice(&answer).map_err(|error| format!("`{key}`: {error}"))
 }
 
-/// Every part of the answer to one question, in order.
-async fn ask(slow: &Session, key: &str) -> Result<Vec<Vec<u8>>, String> {
-    let replies = slow
-        .get(key)
-        .consolidation(zenoh::query::ConsolidationMode::None)
-        .timeout(TIMEOUT)
-        .await
-        .map_err(|error| error.to_string())?;
-    let mut parts = Vec::new();
-    while let Ok(reply) = replies.recv_async().await {
-        // Zenoh itself answers with an error when the time is over: what came so far is not all.
-        let sample = reply
-            .result()
-            .map_err(|_| format!("no answer to `{key}` within {} s", TIMEOUT.as_secs()))?;
-        parts.push(sample.payload().to_bytes().into_owned());
+fn question<'a>(
+    slow: &'a Session,
+    grant: &'a JoinGrant,
+    purpose: Purpose,
+    key: &'a str,
+) -> Question<'a> {
+    Question {
+        session: slow,
+        key,
+        purpose,
+        channel: &grant.channel,
+        lease: grant.granted.lease,
+        within: TIMEOUT,
+        longest: match purpose {
+            Purpose::ClaySnapshot => LONGEST_SNAPSHOT,
+            _ => LONGEST_TEXT,
+        },
     }
-    Ok(parts)
 }
 
 #[cfg(test)]

@@ -298,8 +298,10 @@ impl Metrics {
     /// What the line has counted.
     pub(crate) fn observe(&mut self, line: &Line) {
         let rejected = line.rejected();
-        self.counts[1].rejected =
-            rejected.undecodable() + rejected.foreign() + rejected.overflowed();
+        self.counts[1].rejected = rejected.unheard()
+            + rejected.undecodable()
+            + rejected.foreign()
+            + rejected.overflowed();
         self.counts[1].sent = line.sent();
         self.counts[1].not_sent = line.unsent();
     }

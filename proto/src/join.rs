@@ -1,7 +1,8 @@
 //! Joining, leaving and asking for a fresh block: queries with JSON both ways.
 //!
-//! A handle asks on `…/join`, gets a lease and everything it needs to run its side of the loop, and then sends frames
-//! under that lease. A lease lives as long as frames come and ends `lease_s` after the last one.
+//! A handle asks on `…/challenge`, then on `…/join`, gets a lease and everything it needs to run its side of the loop,
+//! and then sends frames under that lease. A lease lives as long as frames come and ends `lease_s` after the last one.
+//! [`JoinRequest`] and [`JoinReply`] cross inside of the messages of a handshake, which nobody else can read.
 
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
@@ -15,6 +16,66 @@ use crate::{Axes, Material, NodeName, Scheme, ToolDescription};
 /// Longest name of an operator or of a device, in characters.
 const MAX_TEXT: usize = 64;
 
+/// Asks for a challenge. Anybody may.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ChallengeRequest {
+    /// The protocol that the handle speaks, [`PROTOCOL`](crate::PROTOCOL).
+    pub protocol: u32,
+}
+
+/// What a server says to a [`ChallengeRequest`], to anybody.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(tag = "outcome", rename_all = "snake_case", deny_unknown_fields)]
+pub enum ChallengeReply {
+    /// A join may name this challenge.
+    Given {
+        /// 32 bytes.
+        #[serde(with = "hex::serde")]
+        challenge: [u8; 32],
+        /// Whether a join must show that it knows the server's token.
+        needs_token: bool,
+    },
+    /// No join can be granted.
+    Refused {
+        /// Why, for programs.
+        code: RefusalCode,
+        /// Why, for people.
+        reason: String,
+    },
+}
+
+/// A join as it crosses.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SealedJoin {
+    /// The challenge that the server gave.
+    #[serde(with = "hex::serde")]
+    pub challenge: [u8; 32],
+    /// First message of the handshake, with a [`JoinRequest`] in it.
+    #[serde(with = "hex::serde")]
+    pub message: Vec<u8>,
+}
+
+/// The answer to a join as it crosses.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(tag = "outcome", rename_all = "snake_case", deny_unknown_fields)]
+pub enum SealedReply {
+    /// The server has heard the request.
+    Answered {
+        /// Second message of the handshake, with a [`JoinReply`] in it.
+        #[serde(with = "hex::serde")]
+        message: Vec<u8>,
+    },
+    /// It has not. Anybody can say so: only where nobody says anything better is it worth something.
+    Refused {
+        /// Why, for programs.
+        code: RefusalCode,
+        /// Why, for people.
+        reason: String,
+    },
+}
+
 /// Asks for a lease.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -23,9 +84,6 @@ pub struct JoinRequest {
     pub protocol: u32,
     /// Who holds the handle, for people to read; 1 to 64 characters.
     pub operator: String,
-    /// The server's token, when it asks for one.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub token: Option<String>,
     /// What the handle is, for people to read; 1 to 64 characters.
     pub device: String,
 }
@@ -88,7 +146,7 @@ words! {
         ProtocolMismatch "protocol_mismatch",
         /// The request has a field that is not acceptable.
         BadRequest "bad_request",
-        /// The server asks for a token and none came.
+        /// The server asks for a token and the handle has none.
         TokenRequired "token_required",
         /// The token is not the server's.
         TokenRejected "token_rejected",
@@ -105,15 +163,17 @@ words! {
     }
 }
 
-/// Gives a lease back.
+/// What every question under a lease says: give it back, put a fresh block in place of the one that was cut (the same
+/// shape, the same material), tell the parameters of the loop, the clay, the session's state. What is asked is in the
+/// key.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct LeaveRequest {
+pub struct LeaseRequest {
     /// The lease.
     pub lease: u32,
 }
 
-/// What the server says to a [`LeaveRequest`].
+/// What the server says to whoever gives a lease back.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(tag = "outcome", rename_all = "snake_case", deny_unknown_fields)]
 pub enum LeaveReply {
@@ -123,16 +183,7 @@ pub enum LeaveReply {
     NoSuchLease,
 }
 
-/// Asks for a fresh block in place of the one that was cut: the same shape, the same material. Allowed to whoever holds
-/// a lease.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct FreshRequest {
-    /// The lease.
-    pub lease: u32,
-}
-
-/// What the server says to a [`FreshRequest`].
+/// What the server says to whoever asks for a fresh block.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(tag = "outcome", rename_all = "snake_case", deny_unknown_fields)]
 pub enum FreshReply {
@@ -272,19 +323,37 @@ impl Validate for ClayDescription {
     }
 }
 
-impl Validate for LeaveRequest {
+impl Validate for ChallengeRequest {
+    fn validate(&self) -> Result<(), FieldError> {
+        Ok(())
+    }
+}
+
+impl Validate for ChallengeReply {
+    fn validate(&self) -> Result<(), FieldError> {
+        Ok(())
+    }
+}
+
+impl Validate for SealedJoin {
+    fn validate(&self) -> Result<(), FieldError> {
+        Ok(())
+    }
+}
+
+impl Validate for SealedReply {
+    fn validate(&self) -> Result<(), FieldError> {
+        Ok(())
+    }
+}
+
+impl Validate for LeaseRequest {
     fn validate(&self) -> Result<(), FieldError> {
         Ok(())
     }
 }
 
 impl Validate for LeaveReply {
-    fn validate(&self) -> Result<(), FieldError> {
-        Ok(())
-    }
-}
-
-impl Validate for FreshRequest {
     fn validate(&self) -> Result<(), FieldError> {
         Ok(())
     }

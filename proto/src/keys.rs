@@ -3,14 +3,15 @@
 //! | key | form | carries |
 //! |---|---|---|
 //! | `teleclay/<realm>/session/<id>/alive` | liveliness token | a server runs the session |
-//! | `…/join` | query | [`JoinRequest`](crate::join::JoinRequest) |
-//! | `…/leave` | query | [`LeaveRequest`](crate::join::LeaveRequest) |
+//! | `…/challenge` | query | [`ChallengeRequest`](crate::join::ChallengeRequest) |
+//! | `…/join` | query | [`SealedJoin`](crate::join::SealedJoin) |
+//! | `…/leave` | query | [`LeaseRequest`](crate::join::LeaseRequest) |
 //! | `…/parameters` | query | answers with [`LoopParameters`](crate::join::LoopParameters) |
 //! | `…/tool/<tool>/up` | publication | [`HandleFrame`](crate::frame::HandleFrame) |
 //! | `…/tool/<tool>/down` | publication | [`ToolFrame`](crate::frame::ToolFrame) |
 //! | `…/clay/bricks` | publication | bricks that changed, [`watch`](crate::watch) |
 //! | `…/clay/snapshot` | query | answers with every brick, [`watch`](crate::watch) |
-//! | `…/clay/fresh` | query | [`FreshRequest`](crate::join::FreshRequest) |
+//! | `…/clay/fresh` | query | [`LeaseRequest`](crate::join::LeaseRequest) |
 //! | `…/state` | publication, query | [`Session`](crate::http::Session) |
 //! | `…/operator/<lease>` | liveliness token | an operator is there |
 //!
@@ -36,6 +37,8 @@ pub struct Key {
 pub enum Leaf {
     /// Liveliness of the server that runs the session.
     Alive,
+    /// Query that asks for a challenge.
+    Challenge,
     /// Query that asks for a lease.
     Join,
     /// Query that gives a lease back.
@@ -94,6 +97,12 @@ impl SessionKeys {
     #[must_use]
     pub fn alive(&self) -> String {
         self.key(Leaf::Alive)
+    }
+
+    /// The key `…/challenge`, where handles ask for a challenge.
+    #[must_use]
+    pub fn challenge(&self) -> String {
+        self.key(Leaf::Challenge)
     }
 
     /// The key `…/join`, where handles ask for a lease.
@@ -252,6 +261,7 @@ impl fmt::Display for Leaf {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Alive => f.write_str("alive"),
+            Self::Challenge => f.write_str("challenge"),
             Self::Join => f.write_str("join"),
             Self::Leave => f.write_str("leave"),
             Self::Parameters => f.write_str("parameters"),
@@ -269,6 +279,7 @@ impl fmt::Display for Leaf {
 fn parse_leaf(key: &str, parts: &[&str]) -> Result<Leaf, KeyError> {
     match parts {
         ["alive"] => Ok(Leaf::Alive),
+        ["challenge"] => Ok(Leaf::Challenge),
         ["join"] => Ok(Leaf::Join),
         ["leave"] => Ok(Leaf::Leave),
         ["parameters"] => Ok(Leaf::Parameters),

@@ -10,8 +10,8 @@ use teleclay_proto::NodeName;
 use teleclay_proto::frame::{Gap, HandleFrame, Header, MAX_FRAME, SweepRecord, ToolFrame};
 use teleclay_proto::http::{ClayShape, NewSession, Validate, parse};
 use teleclay_proto::join::{
-    ClayDescription, FreshReply, FreshRequest, Granted, JoinReply, JoinRequest, LeaveReply,
-    LeaveRequest, LoopParameters,
+    ChallengeReply, ChallengeRequest, ClayDescription, FreshReply, Granted, JoinReply, JoinRequest,
+    LeaseRequest, LeaveReply, LoopParameters, SealedJoin, SealedReply,
 };
 use teleclay_proto::keys::Key;
 use teleclay_proto::watch::{
@@ -101,26 +101,40 @@ fn text_parsers_survive_anything() {
 fn join_parsers_survive_anything() {
     let mut random = Random(0x7e1e_c1a6);
     let seeds = join_seeds();
-    let mut accepted = [0_u64; 7];
+    let mut accepted = [0_u64; 10];
     let mut input = Vec::new();
     for _ in 0..JOIN_INPUTS {
         random.mutate(&seeds, &mut input);
         for (count, is_accepted) in accepted.iter_mut().zip([
             survives::<JoinRequest>(&input),
             survives::<JoinReply>(&input),
-            survives::<LeaveRequest>(&input),
+            survives::<ChallengeRequest>(&input),
+            survives::<ChallengeReply>(&input),
+            survives::<SealedJoin>(&input),
+            survives::<SealedReply>(&input),
+            survives::<LeaseRequest>(&input),
             survives::<LeaveReply>(&input),
-            survives::<FreshRequest>(&input),
             survives::<FreshReply>(&input),
             survives::<NewSession>(&input),
         ]) {
             *count += u64::from(is_accepted);
         }
     }
-    let [join, granted, leave, left, fresh, freshened, session] = accepted;
+    let [
+        join,
+        granted,
+        challenge,
+        given,
+        sealed,
+        answered,
+        lease,
+        left,
+        fresh,
+        session,
+    ] = accepted;
     println!("fuzz: {JOIN_INPUTS} inputs to each parser of joining, none panicked; accepted");
     println!(
-        "  {join} join requests, {granted} replies, {leave} leave requests, {left} replies, {fresh} fresh requests, {freshened} replies, {session} new sessions"
+        "  {join} join requests, {granted} replies, {challenge} challenge requests, {given} replies, {sealed} sealed joins, {answered} replies, {lease} lease requests, {left} and {fresh} replies, {session} new sessions"
     );
     assert!(
         accepted
@@ -310,7 +324,11 @@ fn join_seeds() -> Vec<Vec<u8>> {
     }));
     let mut seeds = vec![serde_json::to_vec(&granted).expect("it prints")];
     seeds.extend([
-        r#"{"protocol":1,"operator":"Ada","token":"let me in, please","device":"simulated"}"#,
+        r#"{"protocol":1,"operator":"Ada","device":"simulated"}"#,
+        r#"{"protocol":1}"#,
+        r#"{"outcome":"given","challenge":"000102030405060708090a0b0c0d0e0f101112131415161718191a1b1c1d1e1f","needs_token":true}"#,
+        r#"{"challenge":"000102030405060708090a0b0c0d0e0f101112131415161718191a1b1c1d1e1f","message":"0001feff"}"#,
+        r#"{"outcome":"answered","message":"0001feff"}"#,
         r#"{"outcome":"refused","code":"no_free_tool","reason":"all 2 tools are held"}"#,
         r#"{"lease":17}"#,
         r#"{"outcome":"left"}"#,

@@ -20,7 +20,8 @@ use teleclay_proto::FrameError;
 use teleclay_proto::frame::{HandleFrame, MAX_FRAME, ToolFrame};
 use teleclay_proto::http::{BodyError, NewSession, Validate, parse};
 use teleclay_proto::join::{
-    FreshReply, FreshRequest, JoinReply, JoinRequest, LeaveReply, LeaveRequest, LoopParameters,
+    ChallengeReply, ChallengeRequest, FreshReply, JoinReply, JoinRequest, LeaseRequest, LeaveReply,
+    LoopParameters, SealedJoin, SealedReply,
 };
 use teleclay_proto::keys::Key;
 use teleclay_proto::watch::{
@@ -161,15 +162,24 @@ fn texts_parse_and_print_the_same_again() {
     list(&join, "replies")
         .iter()
         .for_each(assert_parses_and_prints::<JoinReply>);
-    list(&join, "leave_requests")
+    list(&join, "lease_requests")
         .iter()
-        .for_each(assert_parses_and_prints::<LeaveRequest>);
+        .for_each(assert_parses_and_prints::<LeaseRequest>);
     list(&join, "leave_replies")
         .iter()
         .for_each(assert_parses_and_prints::<LeaveReply>);
-    list(&join, "fresh_requests")
+    list(&join, "challenge_requests")
         .iter()
-        .for_each(assert_parses_and_prints::<FreshRequest>);
+        .for_each(assert_parses_and_prints::<ChallengeRequest>);
+    list(&join, "challenge_replies")
+        .iter()
+        .for_each(assert_parses_and_prints::<ChallengeReply>);
+    list(&join, "sealed_joins")
+        .iter()
+        .for_each(assert_parses_and_prints::<SealedJoin>);
+    list(&join, "sealed_replies")
+        .iter()
+        .for_each(assert_parses_and_prints::<SealedReply>);
     list(&join, "fresh_replies")
         .iter()
         .for_each(assert_parses_and_prints::<FreshReply>);
@@ -342,7 +352,7 @@ fn texts_laid_out_by_hand() {
         list(&file("client_texts.json"), "cases")[2]["value"],
         value(patch)
     );
-    let request = r#"{"protocol":1,"operator":"Ada","token":"let me in","device":"simulated"}"#;
+    let request = r#"{"protocol":1,"operator":"Ada","device":"simulated"}"#;
     assert_eq!(
         list(&file("join.json"), "requests")[0]["value"],
         value(request)
@@ -355,9 +365,15 @@ fn texts_laid_out_by_hand() {
     );
     let keys = [
         "teleclay/lab-1/session/demo/alive",
+        "teleclay/lab-1/session/demo/challenge",
         "teleclay/lab-1/session/demo/join",
     ];
-    assert_eq!(list(&file("keys.json"), "good")[..2], keys);
+    assert_eq!(list(&file("keys.json"), "good")[..3], keys);
+    let sealed = r#"{"challenge":"000102030405060708090a0b0c0d0e0f101112131415161718191a1b1c1d1e1f","message":"0001feff"}"#;
+    assert_eq!(
+        list(&file("join.json"), "sealed_joins")[0]["value"],
+        value(sealed)
+    );
 }
 
 fn assert_parses_and_prints<T: DeserializeOwned + Serialize + Validate>(case: &Value) {

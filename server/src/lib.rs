@@ -4,6 +4,7 @@
 //! |---|---|
 //! | `engine` | the tick: all sessions as one machine, rings in and out |
 //! | `collector` | what the tick leaves: answers, events, statistics, the watchers' clay, telemetry |
+//! | `doors` | who is heard on Zenoh |
 //! | [`directory`] | which sessions there are, and every way to change one |
 //! | [`network`] | Zenoh: frames, joining, slow state |
 //! | [`api`] | HTTP, WebSocket, OpenAPI, metrics, the dashboard |
@@ -12,6 +13,7 @@
 pub mod api;
 mod collector;
 pub mod directory;
+mod doors;
 mod engine;
 pub mod network;
 mod serve;

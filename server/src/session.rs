@@ -9,6 +9,7 @@ use teleclay_proto::watch::{Level, TelemetrySample};
 use teleclay_session::{EventKind, Settings, Snapshot};
 use tokio::sync::broadcast;
 
+use crate::doors::Channels;
 use crate::engine::{Mirror, SessionRecord, TICK};
 use crate::statistics::SessionStats;
 
@@ -50,6 +51,8 @@ pub(crate) struct SessionShared {
     snapshot: Mutex<Snapshot>,
     pub(crate) stats: Mutex<SessionStats>,
     pub(crate) mirror: Mutex<Mirror>,
+    /// How holders of tools are told from everybody else.
+    pub(crate) channels: Channels,
     /// Held by whoever prepares a command: prepared one after the other, none is overtaken by another.
     pub(crate) preparing: tokio::sync::Mutex<()>,
     /// Ticks at the last record; apart from the statistics, so that whoever holds those can tell the time.
@@ -71,6 +74,7 @@ impl SessionShared {
             }),
             snapshot: Mutex::new(snapshot),
             stats: Mutex::new(SessionStats::new()),
+            channels: Channels::default(),
             preparing: tokio::sync::Mutex::default(),
             ticks: AtomicU64::new(0),
             telemetry: broadcast::channel(SAMPLES_KEPT).0,
@@ -200,6 +204,11 @@ fn in_words(kind: &EventKind, before: &Snapshot) -> Option<(Level, String)> {
             format!("{fault}: forces are zero until a fresh block"),
         ),
     })
+}
+
+/// The place of a tool among a session's.
+pub(crate) fn slot_of(tool: u32) -> usize {
+    tool as usize - 1
 }
 
 /// Tools are numbered from 1.

@@ -102,6 +102,7 @@ pub(crate) fn session(
             lost: record.arrivals.lost,
             duplicates: record.arrivals.duplicates,
             reordered: record.arrivals.reordered,
+            unheard: shared.channels.unheard(),
             packets_up_per_s,
             packets_down_per_s,
             energy_j,

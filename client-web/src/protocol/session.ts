@@ -131,6 +131,7 @@ export const sessionSchema: v.GenericSchema<unknown, Session> = v.object({
     lost: v.number(),
     duplicates: v.number(),
     reordered: v.number(),
+    unheard: v.number(),
     packets_up_per_s: v.number(),
     packets_down_per_s: v.number(),
     energy_j: v.number(),

@@ -1,5 +1,6 @@
 //! From a search for the server to a device in motion under its lease.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use teleclay_bilateral::LinkState;
@@ -34,12 +35,13 @@ impl Run {
             request: JoinRequest {
                 protocol: PROTOCOL,
                 operator: self.options.operator.clone(),
-                token: self.options.token.clone(),
                 device: self.options.device.clone(),
             },
+            token: self.options.token.clone(),
         };
         let old = self.line.as_ref().map(|line| OldLease {
             keys: line.grant.keys.clone(),
+            channel: Arc::clone(&line.grant.channel),
             lease: line.grant.granted.lease,
             lease_s: line.grant.granted.lease_s,
         });
@@ -61,10 +63,11 @@ impl Run {
     /// Takes a lease into use: by the running device when it fits, by a newly opened one when not.
     pub(super) async fn attach(&mut self, grant: Box<JoinGrant>) -> Result<(), Failure> {
         let (keys, lease) = (grant.keys.clone(), grant.granted.lease);
+        let channel = Arc::clone(&grant.channel);
         let attached = self.try_to_attach(grant).await;
         if attached.is_err() {
             // A lease that nobody will use should not hold the tool.
-            join::leave(&self.control, &keys, lease).await;
+            join::leave(&self.control, &keys, &channel, lease).await;
         }
         attached
     }

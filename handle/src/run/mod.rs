@@ -288,8 +288,12 @@ impl Run {
         }
         self.rig = None;
         if let Some(line) = self.line.take() {
-            let JoinGrant { keys, granted } = &*line.grant;
-            join::leave(&self.control, keys, granted.lease).await;
+            let JoinGrant {
+                keys,
+                granted,
+                channel,
+            } = &*line.grant;
+            join::leave(&self.control, keys, channel, granted.lease).await;
         }
         outcome
     }

@@ -146,7 +146,7 @@ impl Run {
         self.refreshing_for = lease;
         self.refreshing = Some(Box::pin(refresh::refresh(
             slow.clone(),
-            line.grant.keys.clone(),
+            JoinGrant::clone(&line.grant),
             self.options.profile,
             self.revision,
             wanted,
@@ -263,11 +263,7 @@ impl Run {
         let (Some(line), Some((_, slow)), None) = (&self.line, &self.slow, &self.freshening) else {
             return;
         };
-        let JoinGrant { keys, granted } = &*line.grant;
-        self.freshening = Some(Box::pin(join::fresh(
-            slow.clone(),
-            keys.clone(),
-            granted.lease,
-        )));
+        let grant = JoinGrant::clone(&line.grant);
+        self.freshening = Some(Box::pin(join::fresh(slow.clone(), grant)));
     }
 }

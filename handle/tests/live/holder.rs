@@ -18,6 +18,7 @@ use tokio::sync::watch;
 use tokio::task::JoinHandle;
 
 use super::PATIENCE;
+use super::server::TOKEN;
 
 /// A tick as the device saw it.
 #[derive(Clone, Copy, Debug)]
@@ -141,7 +142,7 @@ impl Holder {
             session: SessionId::new("demo").expect("a name"),
             realm: RealmName::new("local").expect("a name"),
             operator: "Ada".to_owned(),
-            token: Some("let me in".to_owned()),
+            token: Some(TOKEN.to_owned()),
             device: "recorder".to_owned(),
             profile: DeviceKind::Simulated.profile(),
             open_device,

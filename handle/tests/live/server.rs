@@ -5,15 +5,18 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::mpsc::{self, Sender};
 use std::sync::{Arc, Mutex};
 use std::thread;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
+use teleclay_channel::{
+    Answering, Challenge, Challenges, Channel, Context, Purpose, Secret, TRAILER,
+};
 use teleclay_proto::frame::{Engagement, HandleFrame, LoopStatus, MAX_FRAME, ToolFrame};
 use teleclay_proto::http::ClayShape;
 use teleclay_proto::join::{
-    ClayDescription, FreshReply, FreshRequest, Granted, JoinReply, JoinRequest, LeaveReply,
-    LeaveRequest, LoopParameters,
+    ChallengeReply, ChallengeRequest, ClayDescription, FreshReply, Granted, JoinReply, JoinRequest,
+    LeaseRequest, LeaveReply, LoopParameters, SealedJoin, SealedReply,
 };
 use teleclay_proto::keys::SessionKeys;
 use teleclay_proto::{NodeName, RealmName, Scheme, SessionId};
@@ -26,6 +29,8 @@ use zenoh::{Session, Wait};
 
 /// Force of the clay on the tool along x, N, whatever the tool does.
 pub(crate) const PUSH_N: f64 = 0.6;
+/// What handles and server know.
+pub(crate) const TOKEN: &str = "let me in";
 /// The one tool of each node.
 pub(crate) const TOOL: u32 = 1;
 
@@ -46,8 +51,10 @@ pub(crate) enum Seen {
 pub(crate) enum Door {
     /// A lease under these parameters.
     Open(Box<LoopParameters>),
-    /// These very bytes.
+    /// These very bytes, in the server's own answer.
     Says(Vec<u8>),
+    /// These very bytes, as anybody could say them.
+    Shouts(Vec<u8>),
 }
 
 /// What goes down for each frame that comes up.
@@ -148,6 +155,8 @@ impl Server {
                 saw: saw.clone(),
                 next_lease: Arc::clone(&next_lease),
                 lease: Arc::new(AtomicU32::new(0)),
+                challenges: Arc::new(Mutex::new(Challenges::new())),
+                channel: Arc::default(),
                 slow_endpoint: slow_endpoint.clone(),
             };
             for session in [&control, &slow] {
@@ -212,39 +221,85 @@ struct ServedSession {
     saw: UnboundedSender<Seen>,
     next_lease: Arc<AtomicU32>,
     lease: Arc<AtomicU32>,
+    challenges: Arc<Mutex<Challenges>>,
+    /// Of the present lease.
+    channel: Arc<Mutex<Option<Arc<Channel>>>>,
     slow_endpoint: String,
 }
 
 impl ServedSession {
-    async fn open(&self, session: &Session) -> [Queryable<()>; 3] {
-        let (join, leave, fresh) = (self.clone(), self.clone(), self.clone());
+    async fn open(&self, session: &Session) -> [Queryable<()>; 4] {
+        let (challenge, join) = (self.clone(), self.clone());
+        let (leave, fresh) = (self.clone(), self.clone());
         [
-            answer(session, self.keys.join(), move |request| join.join(request)).await,
-            answer(session, self.keys.leave(), move |request| {
-                bytes(&leave.leave(request))
+            answer(session, self.keys.challenge(), move |question| {
+                let ChallengeRequest { .. } = read(question);
+                let given = challenge.challenges.lock().unwrap().give(Duration::ZERO);
+                Some(bytes(&ChallengeReply::Given {
+                    challenge: *given.as_bytes(),
+                    needs_token: true,
+                }))
             })
             .await,
-            answer(
-                session,
-                self.keys.clay_fresh(),
-                move |FreshRequest { lease }| {
+            answer(session, self.keys.join(), move |question| {
+                join.join(read(question))
+            })
+            .await,
+            answer(session, self.keys.leave(), move |question| {
+                leave.under_lease(Purpose::Leave, question, |lease| bytes(&leave.leave(lease)))
+            })
+            .await,
+            answer(session, self.keys.clay_fresh(), move |question| {
+                fresh.under_lease(Purpose::ClayFresh, question, |lease| {
                     fresh.emit(Seen::Fresh(lease));
                     bytes(&*fresh.mood.fresh.lock().unwrap())
-                },
-            )
+                })
+            })
             .await,
         ]
     }
 
-    fn join(&self, request: JoinRequest) -> Vec<u8> {
-        self.emit(Seen::Join(request));
+    /// Answers whoever holds the lease, sealed; nobody else.
+    fn under_lease(
+        &self,
+        purpose: Purpose,
+        question: &[u8],
+        reply: impl FnOnce(u32) -> Vec<u8>,
+    ) -> Option<Vec<u8>> {
+        let channel = self.channel.lock().unwrap().clone()?;
+        let asked = channel.open(purpose, question).ok()?;
+        let LeaseRequest { lease } = read(asked);
+        Some(channel.seal_answer(purpose, question, &reply(lease)))
+    }
+
+    fn join(&self, join: SealedJoin) -> Option<Vec<u8>> {
+        let challenge = Challenge::from_bytes(join.challenge);
+        let taken = self
+            .challenges
+            .lock()
+            .unwrap()
+            .take(Duration::ZERO, &challenge);
+        // Another server's challenge.
+        taken.ok()?;
+        let key = self.keys.join();
+        let context = Context {
+            key: &key,
+            challenge: &challenge,
+        };
+        let (request, answering) =
+            Answering::hear(&Secret::of_token(TOKEN), context, &join.message)
+                .expect("the handle knows the token");
+        self.emit(Seen::Join(read(&request)));
         let parameters = match &*self.mood.door.lock().unwrap() {
             Door::Open(parameters) => **parameters,
-            Door::Says(bytes) => return bytes.clone(),
+            Door::Says(said) => {
+                let (message, _) = answering.answer(said);
+                return Some(bytes(&SealedReply::Answered { message }));
+            }
+            Door::Shouts(shouted) => return Some(shouted.clone()),
         };
         let lease = self.next_lease.fetch_add(1, Ordering::Relaxed);
-        self.lease.store(lease, Ordering::Relaxed);
-        bytes(&JoinReply::Granted(Box::new(Granted {
+        let granted = bytes(&JoinReply::Granted(Box::new(Granted {
             lease,
             ownership_epoch: 1,
             node: self.node.clone(),
@@ -258,10 +313,14 @@ impl ServedSession {
                 revision: 0,
             },
             slow_endpoint: Some(self.slow_endpoint.clone()),
-        })))
+        })));
+        let (message, keys) = answering.answer(&granted);
+        *self.channel.lock().unwrap() = Some(Arc::new(Channel::of_server(&keys)));
+        self.lease.store(lease, Ordering::Relaxed);
+        Some(bytes(&SealedReply::Answered { message }))
     }
 
-    fn leave(&self, LeaveRequest { lease }: LeaveRequest) -> LeaveReply {
+    fn leave(&self, lease: u32) -> LeaveReply {
         self.emit(Seen::Leave(lease));
         let left = self
             .lease
@@ -299,7 +358,7 @@ impl ServedSession {
                 tool.answer(&frame, |payload| drop(down.put(payload).wait()));
             }
         });
-        receive(control, self.keys.tool_up(TOOL), arrived).await
+        receive(control, self.keys.tool_up(TOOL), self.clone(), arrived).await
     }
 
     fn emit(&self, seen: Seen) {
@@ -350,40 +409,55 @@ impl Tool {
             answer.force_n[2] = f64::NAN;
         }
         let mut buffer = [0; MAX_FRAME];
+        let channel = self.served.channel.lock().unwrap().clone();
+        let channel = channel.expect("it was made with the lease");
         if speech == Speech::FramesAmidGarbage {
-            garbage(&answer, frame, &put);
+            garbage(&channel, &answer, frame, &put);
         }
-        put(answer.encode(&mut buffer));
+        put(&channel.seal(Purpose::Frame, answer.encode(&mut buffer)));
     }
 }
 
-/// Everything that must not reach a hand: nothing, half a frame, a frame of the other direction, of another version, of
-/// another lease, with something after its end.
-fn garbage(answer: &ToolFrame, frame: &HandleFrame, put: impl Fn(&[u8])) {
+/// Everything that must not reach a hand. From strangers: nothing, half a frame, one without a seal, one that is
+/// changed on its way, one that comes again. From a server that is broken: a frame of the other direction, of another
+/// version, of another lease, with something after its end.
+fn garbage(channel: &Channel, answer: &ToolFrame, frame: &HandleFrame, put: impl Fn(&[u8])) {
     let mut buffer = [0; MAX_FRAME];
     let good = answer.encode(&mut buffer).to_vec();
+    let mut strong = *answer;
+    strong.header.sequence = u32::MAX / 2;
+    strong.force_n = [1e3; 3];
+    let strong_bytes = strong.encode(&mut buffer).to_vec();
     put(&[]);
     put(&good[..good.len() / 2]);
-    put(&[&good[..], b"more"].concat());
-    put(frame.encode(&mut buffer));
+    put(&strong_bytes);
+    put(&[&strong_bytes[..], &[7; TRAILER]].concat());
+    let sealed = channel.seal(Purpose::Frame, &good);
+    let mut changed = sealed.clone();
+    changed[50] ^= 1;
+    put(&changed);
+    put(&channel.seal(Purpose::State, &strong_bytes));
     let mut version = good.clone();
     version[2] = version[2].wrapping_add(1);
-    put(&version);
-    let mut foreign = *answer;
-    foreign.header.lease = answer.header.lease.wrapping_add(1000);
-    foreign.header.sequence = u32::MAX / 2;
-    foreign.force_n = [1e3; 3];
-    put(foreign.encode(&mut buffer));
+    strong.header.lease = answer.header.lease.wrapping_add(1000);
+    for broken in [
+        &good[..good.len() / 2],
+        &[&good[..], b"more"].concat(),
+        frame.encode(&mut [0; MAX_FRAME]),
+        &version,
+        strong.encode(&mut buffer),
+    ] {
+        let sealed = channel.seal(Purpose::Frame, broken);
+        put(&sealed);
+        put(&sealed);
+    }
 }
 
-async fn answer<Q>(
+async fn answer(
     session: &Session,
     key: String,
-    reply: impl Fn(Q) -> Vec<u8> + Send + Sync + 'static,
-) -> Queryable<()>
-where
-    Q: DeserializeOwned,
-{
+    reply: impl Fn(&[u8]) -> Option<Vec<u8>> + Send + Sync + 'static,
+) -> Queryable<()> {
     let at = key.clone();
     session
         .declare_queryable(key)
@@ -392,21 +466,37 @@ where
                 .payload()
                 .expect("every question has a body")
                 .to_bytes();
-            let question = serde_json::from_slice(&question).expect("questions are well formed");
-            // Whoever asked may have gone.
-            let _ = query.reply(at.as_str(), reply(question)).wait();
+            if let Some(reply) = reply(&question) {
+                // Whoever asked may have gone.
+                let _ = query.reply(at.as_str(), reply).wait();
+            }
         })
         .await
         .expect("a queryable")
 }
 
-async fn receive(control: &Session, key: String, arrived: Sender<HandleFrame>) -> Subscriber<()> {
+fn read<Q: DeserializeOwned>(question: &[u8]) -> Q {
+    serde_json::from_slice(question).expect("questions are well formed")
+}
+
+async fn receive(
+    control: &Session,
+    key: String,
+    served: ServedSession,
+    arrived: Sender<HandleFrame>,
+) -> Subscriber<()> {
     let arrived = Mutex::new(arrived);
     control
         .declare_subscriber(key)
         .callback(move |sample| {
-            let frame = HandleFrame::decode(&sample.payload().to_bytes())
-                .expect("handle frames are well formed");
+            let sealed = sample.payload().to_bytes();
+            let channel = served.channel.lock().unwrap().clone();
+            // Under a lease that is over.
+            let Some(channel) = channel else { return };
+            let Ok(frame) = channel.open(Purpose::Frame, &sealed) else {
+                return;
+            };
+            let frame = HandleFrame::decode(frame).expect("handle frames are well formed");
             // The thread ends after this callback does.
             let _ = arrived.lock().unwrap().send(frame);
         })

@@ -263,6 +263,9 @@ pub struct LoopState {
     pub duplicates: u64,
     /// Frames from handles that came after a later one.
     pub reordered: u64,
+    /// Messages on Zenoh for the session's tools that no holder of one wrote, or that had come before. None of them
+    /// was acted on.
+    pub unheard: u64,
     /// Frames from handles, per second.
     pub packets_up_per_s: f64,
     /// Frames to handles, per second.

@@ -184,6 +184,7 @@ fn write_session(session: &Session) {
     counter!("teleclay_frames_lost_total", labels()).absolute(control_loop.lost);
     counter!("teleclay_frames_duplicate_total", labels()).absolute(control_loop.duplicates);
     counter!("teleclay_frames_reordered_total", labels()).absolute(control_loop.reordered);
+    counter!("teleclay_messages_unheard_total", labels()).absolute(control_loop.unheard);
     for (direction, per_s) in [
         ("up", control_loop.packets_up_per_s),
         ("down", control_loop.packets_down_per_s),
@@ -309,6 +310,10 @@ const COUNTERS: &[(&str, &str)] = &[
     (
         "teleclay_frames_reordered_total",
         "Frames from handles that came after a later one",
+    ),
+    (
+        "teleclay_messages_unheard_total",
+        "Messages for tools that no holder of one wrote, or that had come before",
     ),
 ];
 

@@ -3,15 +3,18 @@
 use std::sync::{Arc, Mutex, Weak};
 use std::time::Instant;
 
+use teleclay_channel::{Forged, Purpose};
 use teleclay_clay::Clay;
 use teleclay_proto::SessionId;
 use teleclay_proto::http::{ClayReset, Session, SessionPatch};
 use teleclay_proto::join::{ClayDescription, Granted, JoinRequest, LoopParameters, RefusalCode};
+use teleclay_proto::watch::Level;
 use teleclay_session::{Command, Operator, Outcome, Prepared, Refusal, Rules};
 use tokio::sync::broadcast;
 
 use super::Inner;
 use super::orders::{ChangeError, ORDER_TIMEOUT};
+use crate::doors::{Channels, LeaseChannel};
 use crate::engine::{Mirror, TICK};
 use crate::session::{Event, Sample, SessionShared, tool_id};
 use crate::state;
@@ -71,6 +74,38 @@ impl Live {
     pub(crate) async fn leave(&self, lease: u32) -> Result<(), ChangeError> {
         let left = self.carry_out(Command::Leave { lease }).await;
         left.map(|_| ())
+    }
+
+    /// Whoever sealed a question.
+    ///
+    /// # Errors
+    /// None of those who hold tools did, or the question was heard before.
+    pub(crate) fn asker(
+        &self,
+        purpose: Purpose,
+        sealed: &[u8],
+    ) -> Result<Arc<LeaseChannel>, Forged> {
+        let asker = self.shared.channels.asker(purpose, sealed);
+        if asker.is_err() {
+            self.count_unheard();
+        }
+        asker
+    }
+
+    /// How the holders of its tools are told from everybody else.
+    pub(crate) fn channels(&self) -> &Channels {
+        &self.shared.channels
+    }
+
+    /// A message came that no holder of a tool wrote.
+    pub(crate) fn count_unheard(&self) {
+        if let Some(count) = self.shared.channels.count_unheard() {
+            let messages = if count == 1 { "message" } else { "messages" };
+            self.shared.emit(
+                Level::Warning,
+                format!("{count} {messages} came that no holder of a tool wrote, or that had come before"),
+            );
+        }
     }
 
     /// Gives a tool to an operator.

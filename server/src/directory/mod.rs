@@ -11,16 +11,21 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use rtrb::Producer;
-use teleclay_proto::http::{FieldError, NewSession, Readiness, Session as SessionJson};
-use teleclay_proto::join::{Granted, JoinRequest, RefusalCode};
+use teleclay_channel::Channel;
+use teleclay_proto::http::{FieldError, NewSession, Readiness, Session as SessionJson, parse};
+use teleclay_proto::join::{
+    ChallengeReply, ChallengeRequest, Granted, JoinReply, JoinRequest, RefusalCode, SealedJoin,
+    SealedReply,
+};
 use teleclay_proto::watch::Level;
 use teleclay_proto::{NodeName, PROTOCOL, SessionId};
 use teleclay_session::{Rules, Session, SessionSetup, Settings};
 use tokio::sync::watch;
 
 use crate::collector::{Notice, notify};
+use crate::doors::Doors;
 use crate::engine::{Answer, FramesIn, MAX_SESSIONS, Order, Running, Task};
-use crate::session::SessionShared;
+use crate::session::{SessionShared, slot_of};
 use crate::statistics::LoopStats;
 
 pub use live::{ClayView, Live};
@@ -78,7 +83,7 @@ struct Inner {
     next_number: AtomicU32,
     first_lease: u32,
     node: NodeName,
-    token: Option<String>,
+    doors: Doors,
     slow_endpoint: Option<String>,
 }
 
@@ -113,7 +118,7 @@ impl Directory {
             next_number: AtomicU32::new(1),
             first_lease,
             node: parts.node,
-            token: parts.token,
+            doors: Doors::new(parts.token.as_deref()),
             slow_endpoint: parts.slow_endpoint,
         }))
     }
@@ -262,48 +267,75 @@ impl Directory {
             .cloned()
     }
 
-    /// Gives a tool to an operator.
-    ///
-    /// # Errors
-    /// Code and reason of the refusal.
+    /// What a join has to show.
+    pub(crate) fn doors(&self) -> &Doors {
+        &self.0.doors
+    }
+
+    /// A challenge for a join to session `id`, or why none can be granted.
+    pub(crate) fn challenge(&self, id: &SessionId, request: ChallengeRequest) -> ChallengeReply {
+        match self.find_session(id, request.protocol) {
+            Ok(_) => ChallengeReply::Given {
+                challenge: self.0.doors.challenge(),
+                needs_token: self.0.doors.needs_token(),
+            },
+            Err((code, reason)) => ChallengeReply::Refused { code, reason },
+        }
+    }
+
+    /// Gives a tool to an operator, if the join that was asked on `key` shows the secret. Says nothing to one that
+    /// answers another server's challenge.
     pub(crate) async fn join(
         &self,
         id: &SessionId,
-        request: &JoinRequest,
-    ) -> Result<Granted, (RefusalCode, String)> {
-        let refuse = |code, reason: &str| Err((code, reason.to_owned()));
-        if request.protocol != PROTOCOL {
-            let reason = format!(
-                "this server speaks protocol {PROTOCOL}, the request {}",
-                request.protocol
-            );
+        key: &str,
+        join: &SealedJoin,
+    ) -> Option<SealedReply> {
+        let (payload, answering) = match self.0.doors.hear(key, join) {
+            Ok(heard) => heard,
+            Err(unheard) => {
+                return unheard.map(|(code, reason)| SealedReply::Refused { code, reason });
+            }
+        };
+        let answer = |reply: &JoinReply| {
+            answering.answer(&serde_json::to_vec(reply).expect("plain data has a JSON form"))
+        };
+        let message = match self.admit(id, &payload).await {
+            Ok((live, granted)) => {
+                let (slot, lease) = (slot_of(granted.tool), granted.lease);
+                let (message, keys) = answer(&JoinReply::Granted(Box::new(granted)));
+                // Before the answer is on its way: the first frame may follow at once.
+                let channel = Channel::of_server(&keys);
+                live.shared.channels.open(slot, lease, channel);
+                message
+            }
+            Err((code, reason)) => answer(&JoinReply::Refused { code, reason }).0,
+        };
+        Some(SealedReply::Answered { message })
+    }
+
+    async fn admit(
+        &self,
+        id: &SessionId,
+        payload: &[u8],
+    ) -> Result<(Live, Granted), (RefusalCode, String)> {
+        let request: JoinRequest =
+            parse(payload).map_err(|error| (RefusalCode::BadRequest, error.to_string()))?;
+        let live = self.find_session(id, request.protocol)?;
+        let granted = live.grant(&request, &self.0).await?;
+        Ok((live, granted))
+    }
+
+    fn find_session(&self, id: &SessionId, protocol: u32) -> Result<Live, (RefusalCode, String)> {
+        if protocol != PROTOCOL {
+            let reason = format!("this server speaks protocol {PROTOCOL}, the request {protocol}");
             return Err((RefusalCode::ProtocolMismatch, reason));
         }
-        match (&self.0.token, &request.token) {
-            (Some(_), None) => {
-                return refuse(
-                    RefusalCode::TokenRequired,
-                    "this server wants a token: give one with --token",
-                );
-            }
-            (Some(want), Some(got)) if !is_same_secret(want, got) => {
-                return refuse(RefusalCode::TokenRejected, "the token is not the server's");
-            }
-            _ => {}
-        }
-        let Some(live) = self.session(id) else {
+        self.session(id).ok_or_else(|| {
             let reason = format!("there is no session `{id}` on this server");
-            return Err((RefusalCode::NoSuchSession, reason));
-        };
-        live.grant(request, &self.0).await
+            (RefusalCode::NoSuchSession, reason)
+        })
     }
-}
-
-/// Compares without telling by its duration where two secrets differ.
-pub(crate) fn is_same_secret(a: &str, b: &str) -> bool {
-    let (a, b) = (a.as_bytes(), b.as_bytes());
-    let differing = a.iter().zip(b).fold(0_u8, |all, (x, y)| all | (x ^ y));
-    a.len() == b.len() && std::hint::black_box(differing) == 0
 }
 
 impl Inner {

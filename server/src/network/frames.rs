@@ -8,6 +8,7 @@ use std::thread::{JoinHandle, Thread};
 use std::time::Duration;
 
 use rtrb::Consumer;
+use teleclay_channel::{Purpose, TRAILER};
 use teleclay_proto::RealmName;
 use teleclay_proto::frame::{HandleFrame, MAX_FRAME};
 use teleclay_proto::keys::{self, Key, Leaf, SessionKeys};
@@ -16,8 +17,9 @@ use teleclay_shell::network::CONTROL_QOS;
 use zenoh::Session;
 use zenoh::Wait;
 
-use crate::directory::Directory;
-use crate::engine::{Incoming, Outgoing};
+use crate::directory::{Directory, Live};
+use crate::doors::LeaseChannel;
+use crate::engine::{FramesIn, Incoming, Outgoing, TOOLS};
 
 /// The sender looks into its ring at least this often, should a wake-up get lost.
 const SENDER_NAP: Duration = Duration::from_millis(5);
@@ -75,6 +77,13 @@ impl Sender {
     }
 }
 
+/// The way of a tool's frames to its holder.
+struct Line<'a> {
+    live: Live,
+    publisher: zenoh::pubsub::Publisher<'a>,
+    holder: Option<Arc<LeaseChannel>>,
+}
+
 fn send_until(stop: &AtomicBool, sending: Sending) {
     let Sending {
         mut outgoing,
@@ -83,8 +92,9 @@ fn send_until(stop: &AtomicBool, sending: Sending) {
         directory,
     } = sending;
     let (congestion, priority, is_express, reliability) = CONTROL_QOS;
-    let mut publishers: HashMap<(u32, usize), zenoh::pubsub::Publisher<'_>> = HashMap::new();
+    let mut lines: HashMap<(u32, usize), Line<'_>> = HashMap::new();
     let mut buffer = [0; MAX_FRAME];
+    let mut sealed = Vec::with_capacity(MAX_FRAME + TRAILER);
     while !stop.load(Ordering::Relaxed) {
         while let Ok(Outgoing {
             session: number,
@@ -92,7 +102,11 @@ fn send_until(stop: &AtomicBool, sending: Sending) {
             frame,
         }) = outgoing.pop()
         {
-            let publisher = match publishers.entry((number, slot)) {
+            if !lines.contains_key(&(number, slot)) {
+                // Those of sessions that are gone take no room for ever.
+                lines.retain(|_, line| line.live.is_there());
+            }
+            let line = match lines.entry((number, slot)) {
                 std::collections::hash_map::Entry::Occupied(held) => held.into_mut(),
                 std::collections::hash_map::Entry::Vacant(free) => {
                     let Some(live) = directory.live_by_number(number) else {
@@ -108,7 +122,11 @@ fn send_until(stop: &AtomicBool, sending: Sending) {
                         .reliability(reliability)
                         .wait();
                     match declared {
-                        Ok(publisher) => free.insert(publisher),
+                        Ok(publisher) => free.insert(Line {
+                            live,
+                            publisher,
+                            holder: None,
+                        }),
                         Err(error) => {
                             tracing::error!(%error, "cannot publish frames");
                             continue;
@@ -116,15 +134,42 @@ fn send_until(stop: &AtomicBool, sending: Sending) {
                     }
                 }
             };
+            let lease = frame.header.lease;
+            if line
+                .holder
+                .as_ref()
+                .is_none_or(|holder| holder.lease != lease)
+            {
+                line.holder = line.live.channels().at(slot);
+            }
+            // A lease that has just been granted has no channel yet, and nobody who listens.
+            let holder = line.holder.as_ref().filter(|holder| holder.lease == lease);
+            let Some(holder) = holder else { continue };
+            sealed.clear();
+            sealed.extend_from_slice(frame.encode(&mut buffer));
+            let trailer = holder.channel.trailer(Purpose::Frame, &sealed);
+            sealed.extend_from_slice(&trailer);
             // An error means that the session is closing.
-            let _ = publisher.put(frame.encode(&mut buffer)).wait();
+            let _ = line.publisher.put(&sealed[..]).wait();
         }
         std::thread::park_timeout(SENDER_NAP);
     }
 }
 
-/// The route of a key: into which ring, for which slot.
-type Route = (Arc<Mutex<rtrb::Producer<Incoming>>>, usize);
+/// The way of a key's frames: from whose holder, into which ring.
+#[derive(Clone)]
+struct Route {
+    live: Live,
+    ring: FramesIn,
+    slot: usize,
+}
+
+impl Route {
+    /// Whether its session is gone.
+    fn is_over(&self) -> bool {
+        self.ring.lock().expect("no holder panics").is_abandoned()
+    }
+}
 
 pub(super) async fn receive_frames(
     session: &Session,
@@ -133,33 +178,33 @@ pub(super) async fn receive_frames(
     clock: Clock,
 ) -> Result<(), zenoh::Error> {
     let routes: Mutex<HashMap<String, Route>> = Mutex::new(HashMap::new());
-    let broken = std::sync::atomic::AtomicU64::new(0);
     let callback = move |sample: zenoh::sample::Sample| {
         let arrived_ns = clock.now_ns();
-        let payload = sample.payload().to_bytes();
-        let frame = match HandleFrame::decode(&payload) {
-            Ok(frame) => frame,
-            Err(error) => {
-                // The first of them is worth a line, all of them would be a flood.
-                if broken.fetch_add(1, Ordering::Relaxed) == 0 {
-                    tracing::warn!(%error, key = %sample.key_expr(), "a frame that is none");
-                }
-                return;
-            }
-        };
+        if MAX_FRAME + TRAILER < sample.payload().len() {
+            return;
+        }
         let key = sample.key_expr().as_str();
         let mut routes = routes.lock().expect("no holder panics");
-        let known = routes
-            .get(key)
-            .filter(|(ring, _)| !is_abandoned(ring))
-            .cloned();
-        let Some((ring, slot)) = known.or_else(|| route(key, &directory)) else {
-            return;
-        };
-        if !routes.contains_key(key) || is_abandoned(&routes[key].0) {
-            routes.insert(key.to_owned(), (Arc::clone(&ring), slot));
+        if routes.get(key).is_none_or(Route::is_over) {
+            // Keys of sessions that are gone take no room for ever.
+            routes.retain(|_, route| !route.is_over());
+            let Some(route) = route(key, &directory) else {
+                return;
+            };
+            routes.insert(key.to_owned(), route);
         }
+        let Route { live, ring, slot } = routes[key].clone();
         drop(routes);
+        let payload = sample.payload().to_bytes();
+        // Whoever does not hold the tool is not heard; nor is what comes again.
+        let opened = live.channels().at(slot).and_then(|holder| {
+            let frame = holder.channel.open(Purpose::Frame, &payload).ok()?;
+            Some(HandleFrame::decode(frame))
+        });
+        let frame = match opened {
+            Some(Ok(frame)) => frame,
+            Some(Err(_)) | None => return live.count_unheard(),
+        };
         // A full ring means that the tick has stalled for a quarter of a second: what is newest is then as old as the
         // rest.
         let _ = ring.lock().expect("no holder panics").push(Incoming {
@@ -175,10 +220,6 @@ pub(super) async fn receive_frames(
         .await
 }
 
-fn is_abandoned(ring: &Mutex<rtrb::Producer<Incoming>>) -> bool {
-    ring.lock().expect("no holder panics").is_abandoned()
-}
-
 fn route(key: &str, directory: &Directory) -> Option<Route> {
     let Ok(Key {
         session: keys,
@@ -188,5 +229,12 @@ fn route(key: &str, directory: &Directory) -> Option<Route> {
         return None;
     };
     let slot = usize::try_from(tool).ok()?.checked_sub(1)?;
-    Some((directory.frames(keys.session())?, slot))
+    if TOOLS <= slot {
+        return None;
+    }
+    Some(Route {
+        live: directory.session(keys.session())?,
+        ring: directory.frames(keys.session())?,
+        slot,
+    })
 }

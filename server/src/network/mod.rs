@@ -25,7 +25,7 @@ pub(crate) use frames::{FedSender, Sender};
 
 use frames::{Sending, receive_frames};
 use publish::{publish_bricks, publish_state, show_sessions};
-use queries::answer_queries;
+use queries::{Line, answer_queries};
 
 /// The server's side of Zenoh. Dropping it closes nothing by itself: see [`Network::close`].
 pub struct Network {
@@ -62,8 +62,8 @@ impl Network {
         receive_frames(&control, realm, directory.clone(), clock)
             .await
             .map_err(failed)?;
-        for session in [&control, &slow] {
-            answer_queries(session, realm, directory.clone())
+        for (session, line) in [(&control, Line::Control), (&slow, Line::Slow)] {
+            answer_queries(session, realm, directory.clone(), line)
                 .await
                 .map_err(failed)?;
         }

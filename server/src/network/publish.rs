@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 use std::time::Duration;
 
+use teleclay_channel::TRAILER;
 use teleclay_clay::{BrickView, Clay};
 use teleclay_proto::keys::SessionKeys;
 use teleclay_proto::watch::{
@@ -107,7 +108,7 @@ fn write_bricks(clay: &Clay, epoch: u32, since: Option<u64>) -> Vec<Vec<u8>> {
         },
         voxel_size_m: grid.voxel_size_m() as f32,
     };
-    let mut writer = BricksWriter::new(header, MAX_MESSAGE);
+    let mut writer = BricksWriter::new(header, MAX_MESSAGE - TRAILER);
     let mut write = |index: teleclay_clay::BrickIndex| {
         let content = match clay.brick(index) {
             BrickView::Empty => BrickContent::Empty,

@@ -1,90 +1,250 @@
 //! What is asked on Zenoh, and the answers.
+//!
+//! An answer waits for whoever asked to read it, so every one is put by a thread that may wait, and only so many wait
+//! at once. The session that frames fly on answers nothing that is long.
 
+use std::sync::Arc;
+use std::time::Duration;
+
+use teleclay_channel::Purpose;
 use teleclay_proto::http::{ClayReset, parse};
 use teleclay_proto::join::{
-    FreshReply, FreshRequest, JoinReply, JoinRequest, LeaveReply, LeaveRequest, RefusalCode,
+    ChallengeReply, ChallengeRequest, FreshReply, LeaveReply, RefusalCode, SealedJoin, SealedReply,
 };
 use teleclay_proto::keys::{self, Key, Leaf, SessionKeys};
-use teleclay_proto::{RealmName, SessionId};
-use zenoh::Session;
+use teleclay_proto::{Part, RealmName};
+use tokio::sync::Semaphore;
 use zenoh::bytes::ZBytes;
 use zenoh::query::Query;
+use zenoh::{Session, Wait};
 
 use super::publish::bricks;
-use crate::directory::Directory;
+use crate::directory::{Directory, Live};
+use crate::doors::LeaseChannel;
 
-/// Longer questions are not read: a join has a hundredth of it.
+/// Longer questions are not read: a join has a tenth of it.
 const LONGEST_QUESTION: usize = 16 * 1024;
+/// Questions that are worked on at once, of one session; more than as many again are not heard.
+const AT_ONCE: usize = 8;
+const WAITING: usize = 256;
+/// Snapshots that are on their way at once: each is the whole clay, and waits for its reader.
+const SNAPSHOTS_AT_ONCE: usize = 2;
+/// A question that has waited for so long is forgotten: whoever asked has given up.
+const PATIENCE: Duration = Duration::from_secs(10);
+
+/// Which of the server's two sessions is asked.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Line {
+    /// The one that frames fly on.
+    Control,
+    /// The other.
+    Slow,
+}
+
+/// What is needed for an answer.
+struct Office {
+    realm: RealmName,
+    directory: Directory,
+    line: Line,
+    at_once: Semaphore,
+    snapshots: Semaphore,
+    waiting: Arc<Semaphore>,
+}
 
 pub(super) async fn answer_queries(
     session: &Session,
     realm: &RealmName,
     directory: Directory,
+    line: Line,
 ) -> Result<(), zenoh::Error> {
     let runtime = tokio::runtime::Handle::current();
-    let realm = realm.clone();
+    let office = Arc::new(Office {
+        realm: realm.clone(),
+        directory,
+        line,
+        at_once: Semaphore::new(AT_ONCE),
+        snapshots: Semaphore::new(SNAPSHOTS_AT_ONCE),
+        waiting: Arc::new(Semaphore::new(WAITING)),
+    });
     session
-        .declare_queryable(keys::everything_in(&realm))
+        .declare_queryable(keys::everything_in(realm))
         .callback(move |query: Query| {
-            let (directory, realm) = (directory.clone(), realm.clone());
-            runtime.spawn(async move { answer(&query, &realm, &directory).await });
+            // Too many wait already: this one is answered by nobody.
+            let Ok(place) = Arc::clone(&office.waiting).try_acquire_owned() else {
+                return;
+            };
+            let office = Arc::clone(&office);
+            runtime.spawn(async move {
+                let _ = tokio::time::timeout(PATIENCE, office.answer(query)).await;
+                drop(place);
+            });
         })
         .background()
         .await
 }
 
-async fn answer(query: &Query, realm: &RealmName, directory: &Directory) {
-    let Ok(Key {
-        session: keys,
-        leaf,
-    }) = query.key_expr().as_str().parse::<Key>()
-    else {
-        return;
-    };
-    if keys.realm() != realm {
-        return;
-    }
-    let id = keys.session();
-    let payload = match question(query.payload()) {
-        Ok(payload) => payload,
-        Err(bytes) => {
-            let reason = format!("{bytes} bytes, wanted {LONGEST_QUESTION} at most");
-            tracing::debug!(key = %query.key_expr(), "a question of {reason}");
-            let reply = match leaf {
-                Leaf::Join => json(&JoinReply::Refused {
-                    code: RefusalCode::BadRequest,
-                    reason,
-                }),
-                Leaf::ClayFresh => json(&FreshReply::Refused { reason }),
-                _ => return,
-            };
-            return reply_with(query, &keys, leaf, reply).await;
+/// A question under a lease or none, and what its answer is sealed with.
+struct Asked {
+    keys: SessionKeys,
+    leaf: Leaf,
+    payload: Vec<u8>,
+}
+
+impl Office {
+    async fn answer(&self, query: Query) {
+        let Ok(Key {
+            session: keys,
+            leaf,
+        }) = query.key_expr().as_str().parse::<Key>()
+        else {
+            return;
+        };
+        if keys.realm() != &self.realm {
+            return;
         }
-    };
-    let reply = match leaf {
-        Leaf::Join => json(&join(id, &payload, directory).await),
-        Leaf::Leave => json(&leave(id, &payload, directory).await),
-        Leaf::ClayFresh => json(&fresh(id, &payload, directory).await),
-        Leaf::Parameters => match directory.session(id) {
-            Some(live) => json(&live.loop_parameters()),
-            None => return,
-        },
-        Leaf::ClaySnapshot => match directory.session(id) {
-            Some(live) => {
-                for message in bricks(&live, None).0 {
-                    reply_with(query, &keys, leaf, message).await;
-                }
-                return;
+        let payload = match question(query.payload()) {
+            Ok(payload) => payload,
+            Err(bytes) => {
+                let reason = format!("{bytes} bytes, wanted {LONGEST_QUESTION} at most");
+                tracing::debug!(key = %query.key_expr(), "a question of {reason}");
+                let code = RefusalCode::BadRequest;
+                let reply = match leaf {
+                    Leaf::Challenge => json(&ChallengeReply::Refused { code, reason }),
+                    Leaf::Join => json(&SealedReply::Refused { code, reason }),
+                    _ => return,
+                };
+                return self.reply(query, &keys.key(leaf), vec![reply]).await;
             }
-            None => return,
-        },
-        Leaf::State => match directory.session(id) {
-            Some(live) => json(&live.state()),
-            None => return,
-        },
-        _ => return,
+        };
+        let key = keys.key(leaf);
+        let asked = Asked {
+            keys,
+            leaf,
+            payload,
+        };
+        let Ok(_turn) = self.at_once.acquire().await else {
+            return;
+        };
+        if leaf == Leaf::ClaySnapshot {
+            let Ok(_turn) = self.snapshots.acquire().await else {
+                return;
+            };
+            let parts = self.under_lease(&asked).await;
+            return self.reply(query, &key, parts).await;
+        }
+        let parts = match leaf {
+            Leaf::Challenge => vec![json(&self.challenge(&asked))],
+            Leaf::Join => self.join(&key, &asked).await.iter().map(json).collect(),
+            _ => self.under_lease(&asked).await,
+        };
+        self.reply(query, &key, parts).await;
+    }
+
+    fn challenge(&self, asked: &Asked) -> ChallengeReply {
+        match parse::<ChallengeRequest>(&asked.payload) {
+            Ok(request) => self.directory.challenge(asked.keys.session(), request),
+            Err(error) => ChallengeReply::Refused {
+                code: RefusalCode::BadRequest,
+                reason: error.to_string(),
+            },
+        }
+    }
+
+    async fn join(&self, key: &str, asked: &Asked) -> Option<SealedReply> {
+        match parse::<SealedJoin>(&asked.payload) {
+            Ok(join) => self.directory.join(asked.keys.session(), key, &join).await,
+            Err(error) => Some(SealedReply::Refused {
+                code: RefusalCode::BadRequest,
+                reason: error.to_string(),
+            }),
+        }
+    }
+
+    /// The parts of an answer to a question that only holders of a tool may ask; nothing for anybody else. Where no
+    /// token is needed, everybody may look.
+    async fn under_lease(&self, asked: &Asked) -> Vec<Vec<u8>> {
+        let (Some(purpose), Some(live)) = (
+            purpose(asked.leaf),
+            self.directory.session(asked.keys.session()),
+        ) else {
+            return Vec::new();
+        };
+        if self.line == Line::Control && purpose != Purpose::Leave {
+            return Vec::new();
+        }
+        let is_public = !self.directory.doors().needs_token();
+        if asked.payload.is_empty() && is_public {
+            return look(purpose, &live);
+        }
+        let Ok(asker) = live.asker(purpose, &asked.payload) else {
+            return Vec::new();
+        };
+        let parts = match purpose {
+            Purpose::Leave => vec![json(&leave(&live, &asker).await)],
+            Purpose::ClayFresh => vec![json(&fresh(&live, &asker).await)],
+            _ => look(purpose, &live),
+        };
+        let parts = if purpose == Purpose::ClaySnapshot {
+            numbered(&parts)
+        } else {
+            parts
+        };
+        let seal = |part: Vec<u8>| -> Vec<u8> {
+            asker.channel.seal_answer(purpose, &asked.payload, &part)
+        };
+        parts.into_iter().map(seal).collect()
+    }
+
+    /// Hands the parts of an answer over. Blocks a thread that may block, for as long as the asker does not read.
+    async fn reply(&self, query: Query, key: &str, parts: Vec<Vec<u8>>) {
+        let key = key.to_owned();
+        let replied = tokio::task::spawn_blocking(move || {
+            for part in parts {
+                query.reply(key.as_str(), part).wait()?;
+            }
+            Ok::<_, zenoh::Error>(())
+        });
+        // It is not joined only where the server ends.
+        if let Ok(Err(error)) = replied.await {
+            tracing::debug!(%error, "a query could not be answered");
+        }
+    }
+}
+
+/// What a question under a lease is sealed for, on each key.
+fn purpose(leaf: Leaf) -> Option<Purpose> {
+    match leaf {
+        Leaf::Leave => Some(Purpose::Leave),
+        Leaf::ClayFresh => Some(Purpose::ClayFresh),
+        Leaf::Parameters => Some(Purpose::Parameters),
+        Leaf::ClaySnapshot => Some(Purpose::ClaySnapshot),
+        Leaf::State => Some(Purpose::State),
+        _ => None,
+    }
+}
+
+/// What can be seen without changing anything.
+fn look(purpose: Purpose, live: &Live) -> Vec<Vec<u8>> {
+    match purpose {
+        Purpose::Parameters => vec![json(&live.loop_parameters())],
+        Purpose::ClaySnapshot => bricks(live, None).0,
+        Purpose::State => vec![json(&live.state())],
+        Purpose::Frame | Purpose::Leave | Purpose::ClayFresh => Vec::new(),
+    }
+}
+
+/// Parts that say which of how many they are.
+fn numbered(parts: &[Vec<u8>]) -> Vec<Vec<u8>> {
+    let count = parts.len() as u32;
+    let number = |(index, content): (u32, &Vec<u8>)| {
+        let part = Part {
+            index,
+            count,
+            content,
+        };
+        part.encode()
     };
-    reply_with(query, &keys, leaf, reply).await;
+    (0..).zip(parts).map(number).collect()
 }
 
 /// What a query brings, copied only where it is no longer than any question here may be; else its length in bytes.
@@ -96,58 +256,25 @@ fn question(payload: Option<&ZBytes>) -> Result<Vec<u8>, usize> {
     }
 }
 
-async fn reply_with(query: &Query, keys: &SessionKeys, leaf: Leaf, payload: Vec<u8>) {
-    if let Err(error) = query.reply(keys.key(leaf), payload).await {
-        tracing::warn!(%error, "a query could not be answered");
-    }
-}
-
 pub(super) fn json(value: &impl serde::Serialize) -> Vec<u8> {
     serde_json::to_vec(value).expect("plain data has a JSON form")
 }
 
-async fn join(id: &SessionId, payload: &[u8], directory: &Directory) -> JoinReply {
-    let request: JoinRequest = match parse(payload) {
-        Ok(request) => request,
-        Err(error) => {
-            return JoinReply::Refused {
-                code: RefusalCode::BadRequest,
-                reason: error.to_string(),
-            };
-        }
-    };
-    match directory.join(id, &request).await {
-        Ok(granted) => JoinReply::Granted(Box::new(granted)),
-        Err((code, reason)) => JoinReply::Refused { code, reason },
-    }
-}
-
-async fn leave(id: &SessionId, payload: &[u8], directory: &Directory) -> LeaveReply {
-    let (Ok(LeaveRequest { lease }), Some(live)) = (parse(payload), directory.session(id)) else {
-        return LeaveReply::NoSuchLease;
-    };
-    match live.leave(lease).await {
+async fn leave(live: &Live, asker: &LeaseChannel) -> LeaveReply {
+    match live.leave(asker.lease).await {
         Ok(()) => LeaveReply::Left,
         Err(_) => LeaveReply::NoSuchLease,
     }
 }
 
-async fn fresh(id: &SessionId, payload: &[u8], directory: &Directory) -> FreshReply {
-    let refused = |reason: &str| FreshReply::Refused {
-        reason: reason.to_owned(),
-    };
-    let request: FreshRequest = match parse(payload) {
-        Ok(request) => request,
-        Err(error) => return refused(&error.to_string()),
-    };
-    let Some(live) = directory.session(id) else {
-        return refused("there is no such session");
-    };
-    match live.reset(ClayReset::default(), Some(request.lease)).await {
+async fn fresh(live: &Live, asker: &LeaseChannel) -> FreshReply {
+    match live.reset(ClayReset::default(), Some(asker.lease)).await {
         Ok(session) => FreshReply::Fresh {
             epoch: session.clay.epoch,
         },
-        Err(error) => refused(&error.to_string()),
+        Err(error) => FreshReply::Refused {
+            reason: error.to_string(),
+        },
     }
 }
 

@@ -6,6 +6,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
+use teleclay_channel::TRAILER;
 use teleclay_proto::Scheme;
 use teleclay_proto::frame::{LoopStatus, ToolFrame};
 use teleclay_proto::keys::SessionKeys;
@@ -39,7 +40,9 @@ async fn listen(endpoint: &str, told: Told) -> zenoh::Session {
     session
         .declare_subscriber(keys.tool_down(1))
         .callback(move |sample| {
-            let frame = ToolFrame::decode(&sample.payload().to_bytes()).unwrap();
+            // Frames stay readable: only the trailer is the handle's alone to check.
+            let sealed = sample.payload().to_bytes();
+            let frame = ToolFrame::decode(&sealed[..sealed.len() - TRAILER]).unwrap();
             let said = (frame.header.scheme, frame.status);
             let before = told.lock().unwrap().insert(frame.header.revision, said);
             assert!(

@@ -49,7 +49,7 @@ function cellsNow(): Cell[] {
     { label: "RTT, p99", ...p99, title: "one round trip in a hundred takes longer", test: "rtt-p99" },
     {
       label: "lost", text: fixed(loss, loss !== undefined && loss < 10 ? 2 : 1), unit: "%",
-      title: `packets from handles that never came, last seconds; ${count(loop.lost)} in all, ${count(loop.duplicates)} came twice, ${count(loop.reordered)} out of order`,
+      title: `packets from handles that never came, last seconds; ${count(loop.lost)} in all, ${count(loop.duplicates)} came twice, ${count(loop.reordered)} out of order, ${count(loop.unheard)} that no holder of a tool wrote`,
       grade: loss === undefined || loss < 0.5 ? "good" : loss < 10 ? "warn" : "bad", test: "loss",
     },
     { label: "packets up", text: fixed(loop.packets_up_per_s, 0), unit: "/s", title: "frames from handles" },

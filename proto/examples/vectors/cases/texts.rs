@@ -10,8 +10,8 @@ use teleclay_proto::http::{
     Quantiles, Session, SessionPatch, SessionState, TickQuantiles, ToolState, parse,
 };
 use teleclay_proto::join::{
-    ClayDescription, FreshReply, FreshRequest, Granted, JoinReply, JoinRequest, LeaveReply,
-    LeaveRequest, LoopParameters, RefusalCode,
+    ChallengeReply, ChallengeRequest, ClayDescription, FreshReply, Granted, JoinReply, JoinRequest,
+    LeaseRequest, LeaveReply, LoopParameters, RefusalCode, SealedJoin, SealedReply,
 };
 use teleclay_proto::keys::{Key, Leaf, SessionKeys};
 use teleclay_proto::watch::{ClientText, Level, ServerText, Switch};
@@ -189,7 +189,6 @@ pub(super) fn join() -> Value {
     let request = JoinRequest {
         protocol: PROTOCOL,
         operator: "Ada".to_owned(),
-        token: Some("let me in".to_owned()),
         device: "simulated".to_owned(),
     };
     let granted = Granted {
@@ -211,13 +210,29 @@ pub(super) fn join() -> Value {
         code: RefusalCode::NoFreeTool,
         reason: "the only tool of session `demo` is held by Ada".to_owned(),
     };
+    let challenge = std::array::from_fn(|n| n as u8);
     json!({
         "about": "joining, leaving, and asking for a fresh block",
-        "requests": [text("a join", &request), text("a join without a token", &JoinRequest { token: None, ..request })],
+        "requests": [text("a join", &request)],
         "replies": [text("granted", &JoinReply::Granted(Box::new(granted))), text("refused", &refused)],
-        "leave_requests": [text("a leave", &LeaveRequest { lease: 17 })],
+        "challenge_requests": [text("a challenge", &ChallengeRequest { protocol: PROTOCOL })],
+        "challenge_replies": [
+            text("given", &ChallengeReply::Given { challenge, needs_token: true }),
+            text("refused", &ChallengeReply::Refused {
+                code: RefusalCode::NoSuchSession,
+                reason: "there is no session `demo` on this server".to_owned(),
+            }),
+        ],
+        "sealed_joins": [text("a join as it crosses", &SealedJoin { challenge, message: vec![0, 1, 254, 255] })],
+        "sealed_replies": [
+            text("answered", &SealedReply::Answered { message: vec![0, 1, 254, 255] }),
+            text("refused", &SealedReply::Refused {
+                code: RefusalCode::TokenRejected,
+                reason: "the token is not the server's".to_owned(),
+            }),
+        ],
+        "lease_requests": [text("under a lease", &LeaseRequest { lease: 17 })],
         "leave_replies": [text("left", &LeaveReply::Left), text("no such lease", &LeaveReply::NoSuchLease)],
-        "fresh_requests": [text("a fresh block", &FreshRequest { lease: 17 })],
         "fresh_replies": [
             text("fresh", &FreshReply::Fresh { epoch: 2 }),
             text("refused", &FreshReply::Refused { reason: "nobody holds lease 17".to_owned() }),
@@ -245,6 +260,7 @@ pub(super) fn keys() -> Value {
     let session = SessionKeys::new(realm, id("demo"));
     let leaves = [
         Leaf::Alive,
+        Leaf::Challenge,
         Leaf::Join,
         Leaf::Leave,
         Leaf::Parameters,
