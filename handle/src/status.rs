@@ -105,7 +105,8 @@ pub struct Status {
     pub duplicates: u64,
     /// Frames that came after a newer one.
     pub reordered: u64,
-    /// Payloads that were no frame, frames under another lease, frames that found no room.
+    /// Payloads that the server of the lease did not write or that came again, payloads that were no frame, frames
+    /// under another lease, frames that found no room.
     pub rejected: u64,
     /// Frames sent.
     pub sent: u64,

@@ -154,8 +154,6 @@ words! {
         NoFreeTool "no_free_tool",
         /// There is no such session.
         NoSuchSession "no_such_session",
-        /// The session is in fault.
-        Fault "fault",
         /// The server is about to stop.
         ShuttingDown "shutting_down",
         /// The session's loop does not take the request up now; it may, a moment later.

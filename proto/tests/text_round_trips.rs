@@ -217,7 +217,7 @@ fn every_word_is_read_as_it_is_written() {
 fn a_reply_is_one_of_two_and_has_nothing_extra() {
     let refused = br#"{"outcome":"refused","code":"fault","reason":"force was NaN"}"#;
     let reply = JoinReply::Refused {
-        code: RefusalCode::Fault,
+        code: RefusalCode::Busy,
         reason: "force was NaN".to_owned(),
     };
     assert_eq!(parse(refused), Ok(reply));

@@ -1,4 +1,5 @@
-//! Who is heard on Zenoh: whoever knows the secret may join, whoever has joined speaks under its lease, and nobody else.
+//! Who is heard on Zenoh: whoever knows the secret may join, whoever has joined speaks under its lease, and nobody
+//! else.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};

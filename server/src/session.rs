@@ -199,9 +199,13 @@ fn in_words(kind: &EventKind, before: &Snapshot) -> Option<(Level, String)> {
                 tool_id(*slot)
             ),
         ),
-        EventKind::Fault { fault } => (
+        EventKind::Fault { slot, fault } => (
             Level::Error,
-            format!("{fault}: forces are zero until a fresh block"),
+            format!(
+                "{fault}, from {}: tool {} rests until somebody joins with it anew, or a fresh block",
+                operator(*slot),
+                tool_id(*slot)
+            ),
         ),
     })
 }

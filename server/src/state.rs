@@ -6,7 +6,7 @@ use teleclay_proto::frame::Corrections;
 use teleclay_proto::http::{
     ClayHash, ClayShape, ClayState, CorrectionsState, LoopState, Session, SessionState, ToolState,
 };
-use teleclay_session::{Snapshot, ToolSnapshot};
+use teleclay_session::Snapshot;
 
 use crate::engine::SessionRecord;
 use crate::session::{SessionShared, tool_id};
@@ -71,7 +71,7 @@ pub(crate) fn session(
         scheme: settings.spec.scheme,
         axes: settings.spec.axes,
         state: state(&snapshot),
-        fault: snapshot.fault.map(|fault| fault.to_string()),
+        fault: fault(&snapshot),
         material: settings.spec.material,
         network: settings.spec.network,
         clay: ClayState {
@@ -111,22 +111,29 @@ pub(crate) fn session(
     }
 }
 
+/// A session whose tools all rest for a fault is in fault; one where somebody works on is not.
 fn state(snapshot: &Snapshot) -> SessionState {
-    let is_connected = |tool: &ToolSnapshot| {
-        let holder = tool.holder.as_ref();
-        holder.is_some_and(|holder| holder.is_connected)
-    };
-    let is_any_connected = snapshot.tools.iter().any(is_connected);
-    match (
-        snapshot.fault,
-        snapshot.settings.is_paused,
-        is_any_connected,
-    ) {
-        (Some(_), ..) => SessionState::Fault,
-        (None, true, _) => SessionState::Paused,
-        (None, false, true) => SessionState::Running,
-        (None, false, false) => SessionState::Idle,
+    let holders = || snapshot.tools.iter().flat_map(|tool| &tool.holder);
+    let somebody_works = holders().any(|holder| holder.is_connected && holder.fault.is_none());
+    let is_any_in_fault = holders().any(|holder| holder.fault.is_some());
+    match (somebody_works, snapshot.settings.is_paused) {
+        (false, _) if is_any_in_fault => SessionState::Fault,
+        (_, true) => SessionState::Paused,
+        (true, false) => SessionState::Running,
+        (false, false) => SessionState::Idle,
     }
+}
+
+/// The tools that are in fault, and why.
+fn fault(snapshot: &Snapshot) -> Option<String> {
+    let faults: Vec<String> = (0..)
+        .zip(&snapshot.tools)
+        .filter_map(|(slot, tool)| {
+            let fault = tool.holder.as_ref()?.fault?;
+            Some(format!("tool {}: {fault}", tool_id(slot)))
+        })
+        .collect();
+    (!faults.is_empty()).then(|| faults.join("; "))
 }
 
 /// Every tool, held or free.

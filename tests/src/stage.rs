@@ -100,18 +100,36 @@ impl Server {
         Self::start_on(Ipv4Addr::LOCALHOST, ports, transport)
     }
 
+    /// Starts one on free ports of loopback, with TCP, that has the token [`TOKEN`].
+    ///
+    /// # Errors
+    /// As [`start`](Self::start).
+    pub fn with_token() -> Result<Self> {
+        let host = Ipv4Addr::LOCALHOST;
+        Self::start_as(host, Ports::free()?, Transport::Tcp, Some(TOKEN))
+    }
+
     /// Starts one whose Zenoh listens on `host`; beyond loopback it has the token [`TOKEN`]. HTTP stays on loopback.
     ///
     /// # Errors
     /// It does not become ready.
     pub fn start_on(host: Ipv4Addr, ports: Ports, transport: Transport) -> Result<Self> {
+        let token = (!host.is_loopback()).then_some(TOKEN);
+        Self::start_as(host, ports, transport, token)
+    }
+
+    fn start_as(
+        host: Ipv4Addr,
+        ports: Ports,
+        transport: Transport,
+        token: Option<&str>,
+    ) -> Result<Self> {
         let mut command = Command::new(program("teleclay-server")?);
         command
             .env_remove("TELECLAY_TOKEN")
             .args(["--listen", &format!("127.0.0.1:{}", ports.http)])
             .args(["--zenoh-listen", &endpoint_on(host, transport, ports.zenoh)])
             .args(["--data-dir".into(), data_folder()?]);
-        let token = (!host.is_loopback()).then_some(TOKEN);
         if let Some(token) = token {
             let config = crate::process::scratch()?.join("server.toml");
             std::fs::write(&config, format!("token = \"{token}\"\n"))?;

@@ -8,12 +8,13 @@ use std::process::Command;
 use serde_json::Value;
 
 /// Which rooms each room uses, tests of it included: exactly these.
-const USES: [(&str, &[&str]); 16] = [
+const USES: [(&str, &[&str]); 17] = [
     ("control", &[]),
     ("kinematics", &[]),
     ("clay", &[]),
     ("device", &[]),
     ("proto", &[]),
+    ("channel", &[]),
     ("operator", &["control", "device", "kinematics"]),
     ("link", &["clay", "control", "proto"]),
     ("bilateral", &["clay", "control", "device", "link", "proto"]),
@@ -44,6 +45,7 @@ const USES: [(&str, &[&str]); 16] = [
         "server",
         &[
             "bilateral",
+            "channel",
             "clay",
             "control",
             "link",
@@ -58,6 +60,7 @@ const USES: [(&str, &[&str]); 16] = [
         "handle",
         &[
             "bilateral",
+            "channel",
             "clay",
             "device",
             "link",

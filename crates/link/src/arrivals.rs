@@ -24,7 +24,7 @@ pub struct ArrivalCounts {
     pub lost: u64,
     /// Frames that had waited in a queue: see [`freshness`](crate::freshness).
     pub stale: u64,
-    /// Frames that [`check`](crate::safety::check) did not let in.
+    /// Frames that [`check`](crate::safety::check) did not let in, or whose number [leaps](Arrivals::leaps).
     pub implausible: u64,
 }
 
@@ -46,6 +46,10 @@ impl ArrivalCounts {
 /// Numbers that are remembered: a duplicate or late frame within 128 ms is told apart.
 pub const MEMORY: u32 = u128::BITS;
 
+/// A stream may go on by so many numbers at once, and by so many a millisecond: twice what the shortest tick sends.
+const AT_ONCE: u64 = 1000;
+const FRAMES_PER_MS: u64 = 4;
+
 /// Watches the sequence numbers of one stream. Remembers the last [`MEMORY`].
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Arrivals {
@@ -53,14 +57,29 @@ pub struct Arrivals {
     newest: Option<(u32, u128)>,
     /// How many of the remembered numbers belong to the stream: those before its first do not.
     of_the_stream: u32,
+    /// When the frame with the newest number was sent, on the sender's clock, ns.
+    newest_sent_ns: u64,
     counts: ArrivalCounts,
 }
 
 impl Arrivals {
-    /// Takes note of sequence number `sequence`. Numbers wrap.
-    pub fn on_sequence(&mut self, sequence: u32) -> Arrival {
+    /// Whether a number is so far ahead that nobody can have sent as many frames until `sent_ns`, on the sender's
+    /// clock: a peer that is taken at its word there is not heard again for days. Arrival does not tell: what queued up
+    /// comes at once, with gaps.
+    pub fn leaps(&self, sent_ns: u64, sequence: u32) -> bool {
+        let Some((newest, _)) = self.newest else {
+            return false;
+        };
+        let ahead = sequence.wrapping_sub(newest) as i32;
+        let elapsed_ms = sent_ns.saturating_sub(self.newest_sent_ns) / 1_000_000;
+        0 < ahead && AT_ONCE + elapsed_ms.saturating_mul(FRAMES_PER_MS) < ahead as u64
+    }
+
+    /// Takes note of sequence number `sequence`, sent at `sent_ns` on the sender's clock. Numbers wrap.
+    pub fn on_sequence(&mut self, sent_ns: u64, sequence: u32) -> Arrival {
         let Some((newest, seen)) = self.newest else {
             self.newest = Some((sequence, 1));
+            self.newest_sent_ns = sent_ns;
             self.of_the_stream = 1;
             self.counts.received = 1;
             return Arrival::Newest;
@@ -70,6 +89,7 @@ impl Arrivals {
             self.go_on(ahead as u32, seen);
             self.newest = Some((sequence, seen.checked_shl(ahead as u32).unwrap_or(0) | 1));
             self.counts.received += 1;
+            self.newest_sent_ns = sent_ns;
             return Arrival::Newest;
         }
         let behind = ahead.unsigned_abs();
@@ -90,7 +110,7 @@ impl Arrivals {
         self.counts.stale += 1;
     }
 
-    /// The frame noted last holds a number that is no measurement.
+    /// A frame came that holds a number that is no measurement, or leaps.
     pub fn on_implausible(&mut self) {
         self.counts.implausible += 1;
     }
@@ -123,7 +143,7 @@ mod tests {
     fn counts_of(sequences: &[u32]) -> ArrivalCounts {
         let mut arrivals = Arrivals::default();
         for &sequence in sequences {
-            arrivals.on_sequence(sequence);
+            arrivals.on_sequence(0, sequence);
         }
         arrivals.counts()
     }
@@ -132,16 +152,16 @@ mod tests {
     fn a_gap_is_lost_once_128_later_numbers_were_due_and_the_count_never_falls() {
         let mut arrivals = Arrivals::default();
         for sequence in [5, 6, 9] {
-            arrivals.on_sequence(sequence);
+            arrivals.on_sequence(0, sequence);
         }
-        assert_eq!(arrivals.on_sequence(7), Arrival::Late);
+        assert_eq!(arrivals.on_sequence(0, 7), Arrival::Late);
         for sequence in 10..8 + MEMORY {
-            arrivals.on_sequence(sequence);
+            arrivals.on_sequence(0, sequence);
         }
         assert_eq!(arrivals.counts().lost, 0, "number 8 may still come");
-        arrivals.on_sequence(8 + MEMORY);
+        arrivals.on_sequence(0, 8 + MEMORY);
         assert_eq!(arrivals.counts().lost, 1);
-        assert_eq!(arrivals.on_sequence(8), Arrival::Duplicate);
+        assert_eq!(arrivals.on_sequence(0, 8), Arrival::Duplicate);
         assert_eq!(arrivals.counts().lost, 1);
     }
 
@@ -154,21 +174,21 @@ mod tests {
             late in prop::collection::vec((0..40_usize, 0..120_u32), 0..40),
         ) {
             let mut arrivals = Arrivals::default();
-            arrivals.on_sequence(first);
+            arrivals.on_sequence(0, first);
             let (mut at, mut span, mut lost) = (first, 1_u64, 0);
             for (number, jump) in jumps.iter().enumerate() {
                 at = at.wrapping_add(*jump);
                 span += u64::from(*jump);
-                arrivals.on_sequence(at);
+                arrivals.on_sequence(0, at);
                 for (_, back) in late.iter().filter(|(when, back)| *when == number && u64::from(*back) < span) {
-                    arrivals.on_sequence(at.wrapping_sub(*back));
+                    arrivals.on_sequence(0, at.wrapping_sub(*back));
                 }
                 prop_assert!(lost <= arrivals.counts().lost);
                 lost = arrivals.counts().lost;
             }
             for _ in 0..MEMORY {
                 at = at.wrapping_add(1);
-                arrivals.on_sequence(at);
+                arrivals.on_sequence(0, at);
             }
             let counts = arrivals.counts();
             prop_assert_eq!(counts.received + counts.lost, span + u64::from(MEMORY));
@@ -178,10 +198,10 @@ mod tests {
     #[test]
     fn a_copy_is_counted_once_and_never_used() {
         let mut arrivals = Arrivals::default();
-        assert_eq!(arrivals.on_sequence(1), Arrival::Newest);
-        assert_eq!(arrivals.on_sequence(2), Arrival::Newest);
-        assert_eq!(arrivals.on_sequence(1), Arrival::Duplicate);
-        assert_eq!(arrivals.on_sequence(2), Arrival::Duplicate);
+        assert_eq!(arrivals.on_sequence(0, 1), Arrival::Newest);
+        assert_eq!(arrivals.on_sequence(0, 2), Arrival::Newest);
+        assert_eq!(arrivals.on_sequence(0, 1), Arrival::Duplicate);
+        assert_eq!(arrivals.on_sequence(0, 2), Arrival::Duplicate);
         assert_eq!(arrivals.counts().duplicates, 2);
         assert_eq!(arrivals.counts().received, 2);
     }
@@ -195,10 +215,32 @@ mod tests {
     #[test]
     fn the_memory_ends_at_128_and_says_duplicate_beyond() {
         let mut arrivals = Arrivals::default();
-        arrivals.on_sequence(0);
-        arrivals.on_sequence(200);
-        assert_eq!(arrivals.on_sequence(73), Arrival::Late);
-        assert_eq!(arrivals.on_sequence(72), Arrival::Duplicate);
-        assert_eq!(arrivals.on_sequence(72 + 1), Arrival::Duplicate);
+        arrivals.on_sequence(0, 0);
+        arrivals.on_sequence(0, 200);
+        assert_eq!(arrivals.on_sequence(0, 73), Arrival::Late);
+        assert_eq!(arrivals.on_sequence(0, 72), Arrival::Duplicate);
+        assert_eq!(arrivals.on_sequence(0, 72 + 1), Arrival::Duplicate);
+    }
+
+    #[test]
+    fn a_number_leaps_when_nobody_can_have_sent_as_many_frames() {
+        let at = |ms: u64| 1_000_000 * ms;
+        for first in [0, 7, u32::MAX - 3, u32::MAX / 2] {
+            let mut arrivals = Arrivals::default();
+            assert!(
+                !arrivals.leaps(at(0), first),
+                "the first one may have any number"
+            );
+            arrivals.on_sequence(at(5), first);
+            for (ms, most) in [(5, 1000), (15, 1040), (60_005, 241_000)] {
+                assert!(!arrivals.leaps(at(ms), first.wrapping_add(most)));
+                assert!(arrivals.leaps(at(ms), first.wrapping_add(most + 1)));
+            }
+            assert!(arrivals.leaps(at(5), first.wrapping_add(1 << 30)));
+            assert!(
+                !arrivals.leaps(at(5), first.wrapping_sub(1)),
+                "an old one does not"
+            );
+        }
     }
 }

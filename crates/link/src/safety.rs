@@ -41,6 +41,27 @@ impl fmt::Display for Flaw {
     }
 }
 
+/// When what is implausible becomes a fault: one bad frame costs one frame, a peer that sends nothing else for a while
+/// is broken.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Persistence {
+    since: Option<Timestamp>,
+}
+
+impl Persistence {
+    /// A plausible frame came.
+    pub fn on_plausible(&mut self) {
+        self.since = None;
+    }
+
+    /// An implausible one came; whether nothing else has for `span`.
+    #[must_use]
+    pub fn on_implausible(&mut self, now: Timestamp, span: Duration) -> bool {
+        let since = *self.since.get_or_insert(now);
+        span <= now.since(since)
+    }
+}
+
 /// What a number from outside measures. Of each there is so much at most: far more than any loop here comes to, and so
 /// little that nothing reckoned with it overflows or loses what it is added to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -17,7 +17,7 @@ pub enum Command {
         /// The change.
         patch: SessionPatch,
     },
-    /// Put a fresh block in place of the one that was cut. Ends a fault.
+    /// Put a fresh block in place of the one that was cut. Ends faults.
     Reset {
         /// Its shape and material; as before where left out.
         reset: ClayReset,
@@ -94,12 +94,6 @@ pub enum Refusal {
     NoSuchLease {
         /// The lease.
         lease: u32,
-    },
-    /// The session is in fault, so no tool is given.
-    #[error("the session is in fault ({field} is not finite); a fresh block ends it")]
-    Fault {
-        /// The quantity that was not finite.
-        field: &'static str,
     },
     /// Events of earlier commands were not taken away yet.
     #[error("the session has no room for the events of a further command")]

@@ -27,7 +27,7 @@ pub enum EventKind {
         /// All of them, as they are now.
         settings: Arc<Settings>,
     },
-    /// A fresh block stands in place of the one that was cut. A fault is over with it.
+    /// A fresh block stands in place of the one that was cut. Faults are over with it.
     FreshBlock {
         /// The settings that came with it.
         settings: Arc<Settings>,
@@ -64,8 +64,10 @@ pub enum EventKind {
         /// The tool's slot, from 0.
         slot: usize,
     },
-    /// A value put the session into fault: every tool rests until there is a fresh block.
+    /// A value put a tool into fault: it rests until somebody joins with it anew, or there is a fresh block.
     Fault {
+        /// The tool's slot, from 0.
+        slot: usize,
         /// The value.
         fault: Implausible,
     },
@@ -106,8 +108,6 @@ pub struct Snapshot {
     pub clay_epoch: u32,
     /// Counts the servers that have run the session, from 1.
     pub ownership_epoch: u32,
-    /// The value that put the session into fault, if one did.
-    pub fault: Option<Implausible>,
     /// Every tool, held or free.
     pub tools: Vec<ToolSnapshot>,
 }
@@ -128,6 +128,8 @@ pub struct HolderSnapshot {
     pub operator: Arc<Operator>,
     /// Whether frames come.
     pub is_connected: bool,
+    /// The value that put the tool into fault, if one did.
+    pub fault: Option<Implausible>,
 }
 
 impl Snapshot {
@@ -143,7 +145,11 @@ impl Snapshot {
             } => {
                 self.settings = Arc::clone(settings);
                 self.clay_epoch = *clay_epoch;
-                self.fault = None;
+                let holders = self
+                    .tools
+                    .iter_mut()
+                    .filter_map(|tool| tool.holder.as_mut());
+                holders.for_each(|holder| holder.fault = None);
             }
             EventKind::Taken {
                 slot,
@@ -154,12 +160,17 @@ impl Snapshot {
                     lease: *lease,
                     operator: Arc::clone(operator),
                     is_connected: false,
+                    fault: None,
                 });
             }
             EventKind::Released { slot, .. } => self.tools[*slot].holder = None,
             EventKind::Connected { slot } => self.set_connected(*slot, true),
             EventKind::Disconnected { slot } => self.set_connected(*slot, false),
-            EventKind::Fault { fault } => self.fault = Some(*fault),
+            EventKind::Fault { slot, fault } => {
+                if let Some(holder) = &mut self.tools[*slot].holder {
+                    holder.fault = Some(*fault);
+                }
+            }
         }
     }
 

@@ -60,7 +60,6 @@ pub struct Session {
     clay: Clay,
     material: Material,
     slots: Vec<ToolSlot>,
-    fault: Option<Implausible>,
     now: Timestamp,
     ticks: u64,
     revision: u64,
@@ -97,7 +96,6 @@ impl Session {
             slots: (0..tools)
                 .map(|number| ToolSlot::new(number, &lines))
                 .collect(),
-            fault: None,
             now: Timestamp::ZERO,
             ticks: 0,
             revision: settings.revision,
@@ -230,7 +228,6 @@ impl Session {
             settings: Arc::clone(&self.settings),
             clay_epoch: self.clay_epoch,
             ownership_epoch: self.ownership_epoch,
-            fault: self.fault,
             tools: self
                 .slots
                 .iter()
@@ -261,9 +258,9 @@ impl Session {
         self.ownership_epoch
     }
 
-    /// The value that put the session into fault, if one did.
-    pub fn fault(&self) -> Option<Implausible> {
-        self.fault
+    /// The value that put a tool into fault, if one did.
+    pub fn fault(&self, slot: usize) -> Option<Implausible> {
+        self.slots.get(slot)?.holder.as_ref()?.fault
     }
 
     /// Ticks so far.
@@ -340,9 +337,11 @@ impl Session {
     fn reset(&mut self, parts: &mut ResetParts) {
         self.clay_epoch = self.clay_epoch.wrapping_add(1);
         let generation = self.next_revision_with(&mut parts.settings);
-        self.fault = None;
         self.material = parts.setup.material;
         for slot in &mut self.slots {
+            if let Some(holder) = &mut slot.holder {
+                holder.fault = None;
+            }
             if let Some(side) = slot.side_mut() {
                 parts.before.push(side.move_to(Arc::clone(&parts.setup)));
                 side.start_on_fresh_block(generation);
@@ -357,9 +356,6 @@ impl Session {
     }
 
     fn join(&mut self, now: Timestamp, parts: &mut JoinParts) -> Result<Granted, Refusal> {
-        if let Some(fault) = self.fault {
-            return Err(Refusal::Fault { field: fault.field });
-        }
         let held = self.slots.iter().map(|slot| slot.held(now));
         let slot = self
             .rules
@@ -379,6 +375,7 @@ impl Session {
             since: now,
             side,
             was_connected: false,
+            fault: None,
         });
         self.announce_revision();
         self.emit(EventKind::Taken {
@@ -415,25 +412,36 @@ impl Session {
         while let Some((arrived, frame)) = slot.up.poll_with_arrival(now) {
             side.handle_frame(arrived, &frame);
         }
-        let permission = match (self.fault, self.settings.is_paused) {
-            (Some(_), _) => Permission::Fault,
-            (None, true) => Permission::Pause,
-            (None, false) => Permission::Work,
+        let permission = if self.settings.is_paused {
+            Permission::Pause
+        } else {
+            Permission::Work
         };
         slot.last = side.step(now, &mut self.clay, &self.material, permission);
         self.cuts.clear();
         self.cuts.extend_from_slice(side.cuts());
         let (is_led, fault) = (side.is_led(), side.fault());
+        let is_told = holder.fault.is_some();
         if let Some(frame) = side.frame_to_send() {
             slot.down.push(now, *frame);
         }
-        if let (None, Some(fault)) = (self.fault, fault) {
-            self.fault = Some(fault);
-            self.revision += 1;
-            self.announce_revision();
-            self.emit(EventKind::Fault { fault });
+        if let Some(fault) = fault
+            && !is_told
+            && self.has_room_for(EVENTS_AT_ONCE)
+        {
+            self.tell_fault(number, fault);
         }
         self.relay_from(number, is_led);
+    }
+
+    /// The fault of one tool is that tool's: the others work on.
+    fn tell_fault(&mut self, slot: usize, fault: Implausible) {
+        if let Some(holder) = &mut self.slots[slot].holder {
+            holder.fault = Some(fault);
+        }
+        self.revision += 1;
+        self.announce_revision();
+        self.emit(EventKind::Fault { slot, fault });
     }
 
     /// Tells every copy what the tool at `number` has cut, but for the one that led it there: that one has cut it
@@ -527,7 +535,7 @@ impl Session {
         self.events.len() + events <= EVENTS_WAITING
     }
 
-    /// Callers have made sure of room; a fault comes once and has room kept for it.
+    /// Callers have made sure of room.
     fn emit(&mut self, kind: EventKind) {
         self.events.push_back(Event {
             tick: self.ticks,

@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use teleclay_bilateral::{ToolSide, ToolStep};
 use teleclay_link::conditioner::Conditioner;
+use teleclay_link::safety::Implausible;
 use teleclay_link::time::Timestamp;
 use teleclay_proto::frame::{HandleFrame, ToolFrame};
 
@@ -24,6 +25,8 @@ pub(crate) struct Holder {
     pub(crate) side: Box<ToolSide>,
     /// As last told.
     pub(crate) was_connected: bool,
+    /// Likewise.
+    pub(crate) fault: Option<Implausible>,
 }
 
 pub(crate) struct ToolSlot {
@@ -87,6 +90,7 @@ impl ToolSlot {
             lease: holder.lease,
             operator: Arc::clone(&holder.operator),
             is_connected: holder.was_connected,
+            fault: holder.fault,
         })
     }
 }

@@ -293,24 +293,46 @@ fn a_frame_meant_for_an_earlier_server_of_the_session_is_not_acted_on_and_its_sw
 }
 
 #[test]
-fn a_fault_refuses_operators_until_a_fresh_block() {
-    let mut bench = Bench::new(new_session(2));
+fn a_fault_is_one_tools_and_ends_with_its_holder_or_a_fresh_block() {
+    let mut bench = Bench::new(new_session(3));
     let mut ada = bench.join("Ada").unwrap();
-    bench.run(3, &mut [&mut ada], |_| engaged_at([f64::NAN, 0.0, 0.0]));
+    bench.run(110, &mut [&mut ada], |_| engaged_at([f64::NAN, 0.0, 0.0]));
     let told = kinds(&mut bench);
     let faults = told
         .iter()
-        .filter(|kind| matches!(kind, EventKind::Fault { .. }));
+        .filter(|kind| matches!(kind, EventKind::Fault { slot: 0, .. }));
     assert_eq!(faults.count(), 1, "{told:?}");
-    assert!(matches!(
-        bench.join("Bob"),
-        Err(Refusal::Fault {
-            field: "position_m"
-        })
-    ));
+    assert_eq!(bench.session.fault(0).unwrap().field, "position_m");
+
+    let mut bob = bench.join("Bob").unwrap();
+    bench.run(10, &mut [&mut bob], |_| engaged_at([0.0; 3]));
+    let status = |bench: &Bench, slot| {
+        let mut sent = bench.sent.iter().rev();
+        sent.find(|(to, _)| *to == slot).unwrap().1.status
+    };
+    assert_eq!(status(&bench, 0), LoopStatus::Fault);
+    assert_eq!(status(&bench, 1), LoopStatus::Running);
+    let of = |bench: &Bench| bench.session.snapshot().tools.clone();
+    assert_eq!(
+        of(&bench)[0].holder.as_ref().unwrap().fault,
+        bench.session.fault(0)
+    );
+    assert_eq!(of(&bench)[1].holder.as_ref().unwrap().fault, None);
+
+    // Good numbers again do not set it going by themselves: a person takes the tool again.
+    bench.run(500, &mut [&mut ada], |_| engaged_at([0.0; 3]));
+    assert!(bench.session.fault(0).is_some());
+    let lease = ada.lease();
+    bench.command(&Command::Leave { lease }).unwrap();
+    let mut ada = bench.join("Ada").unwrap();
+    assert_eq!(bench.session.fault(0), None);
+
+    bench.run(110, &mut [&mut ada], |_| engaged_at([f64::NAN, 0.0, 0.0]));
+    assert!(bench.session.fault(0).is_some());
     bench.command(&reset(None)).unwrap();
-    assert!(bench.session.fault().is_none());
-    assert!(bench.join("Bob").is_ok());
+    assert_eq!(bench.session.fault(0), None);
+    bench.run(10, &mut [&mut ada], |_| engaged_at([0.0; 3]));
+    assert_eq!(status(&bench, 0), LoopStatus::Running);
 }
 
 #[test]

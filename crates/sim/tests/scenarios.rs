@@ -6,6 +6,7 @@ use std::time::Duration;
 use teleclay_bilateral::{HandleSide, Lease, LinkState, Permission, ToolSide, material};
 use teleclay_clay::{Clay, Shape, SteppedBlock};
 use teleclay_link::conditioner::{Bursts, Impairment, JitterDistribution, Outages};
+use teleclay_link::safety::Implausible;
 use teleclay_link::time::Timestamp;
 use teleclay_operator::{Intent, Reach};
 use teleclay_proto::frame::{HandleFrame, ToolFrame};
@@ -30,12 +31,17 @@ const REACH: Reach = Reach {
 
 /// A ball over the middle of a block, its lowest point on the surface.
 fn carving(intent: Intent, lines: Lines) -> Rig {
+    carving_under(Scheme::ForceExchange, intent, lines)
+}
+
+fn carving_under(scheme: Scheme, intent: Intent, lines: Lines) -> Rig {
     let radius_m = 0.0064;
     Rig::new(Setup {
         parameters: LoopParameters {
             home_m: [0.064, 0.032, 0.064 + radius_m],
             tool: ToolDescription::Ball { radius_m },
-            ..force_exchange()
+            scheme,
+            ..LoopParameters::default()
         },
         clay: Clay::new(
             &Shape::Block {
@@ -279,31 +285,79 @@ fn a_line_that_comes_back_ramps_up_and_executes_nothing_of_the_meantime() {
     assert_eq!(rig.last().link_state, LinkState::Live);
 }
 
+/// Frames that are none, or that leap, between those that are good: the run is the same to the last bit.
 #[test]
-fn a_value_that_is_no_number_ends_in_fault_with_its_name_and_no_force() {
-    let mut rig = carving(cutting(), Lines::default());
-    rig.run_for(Duration::from_secs(6));
-    let mut frame = rig.handle().frame().clone();
-    frame.header.sequence += 1;
-    frame.hand_force_n[1] = f64::NAN;
-    let now = rig.now();
-    rig.session_mut().handle_frame(now, 0, &frame);
-    let removed = rig.session().clay().removed_units();
-    rig.run_for(Duration::from_millis(60));
-    assert_eq!(
-        rig.session().fault().map(|fault| fault.field),
-        Some("hand_force_n")
-    );
-    assert_eq!(rig.last().link_state, LinkState::Fault);
-    rig.run_for(Duration::from_millis(200));
-    assert_eq!(rig.last().felt_force_n, [0.0; 3]);
-    let slack = rig.session().clay().removed_units() - removed;
-    rig.run_for(Duration::from_secs(1));
-    assert_eq!(
-        rig.session().clay().removed_units(),
-        removed + slack,
-        "a faulty session went on cutting"
-    );
+fn one_bad_frame_costs_one_frame() {
+    for &scheme in Scheme::ALL {
+        let [mut calm, mut troubled] = [(); 2].map(|()| {
+            let mut rig = carving_under(scheme, cutting(), Lines::default());
+            rig.run_for(Duration::from_secs(3));
+            rig
+        });
+        for millisecond in 0..1000 {
+            let now = troubled.now();
+            let mut up = troubled.handle().frame().clone();
+            let mut down = *troubled.session().side(0).unwrap().frame();
+            match millisecond % 4 {
+                0 => up.hand_force_n[1] = f64::NAN,
+                1 => down.position_m[0] = f64::INFINITY,
+                2 => up.header.sequence = up.header.sequence.wrapping_add(1 << 30),
+                _ => down.header.sequence = down.header.sequence.wrapping_add(1 << 30),
+            }
+            if millisecond % 2 == 0 {
+                troubled.session_mut().handle_frame(now, 0, &up);
+            } else {
+                troubled.handle_mut().handle_frame(now, &down);
+            }
+            for rig in [&mut calm, &mut troubled] {
+                rig.run_for(ONE_TICK);
+            }
+            assert_eq!(calm.last(), troubled.last(), "{scheme:?}, {millisecond} ms");
+        }
+        let hash = |rig: &mut Rig| rig.session_mut().clay_mut().hash();
+        assert_eq!(hash(&mut calm), hash(&mut troubled));
+        assert_eq!(troubled.session().arrivals().implausible, 500);
+        assert_eq!(troubled.handle().arrivals().implausible, 500);
+        assert_eq!(troubled.session().fault(0), None);
+        assert_eq!(troubled.handle().fault(), None);
+    }
+}
+
+/// A peer that sends nothing else for as long as one may be silent is broken.
+#[test]
+fn bad_frames_and_no_others_for_as_long_as_a_silence_are_a_fault() {
+    let parameters = LoopParameters::default();
+    let at = |ms: u64| Timestamp::from_nanos(1_000_000 * ms);
+    let silence_ms = (1e3 * parameters.silence_s) as u64;
+    for good_at_ms in [None, Some(50)] {
+        let mut side = ToolSide::new(&parameters, 7).unwrap();
+        let mut frame = HandleFrame::default();
+        frame.header.lease = 7;
+        let lease = Lease {
+            number: 7,
+            ownership_epoch: 0,
+        };
+        let mut handle = HandleSide::new(&parameters, lease).unwrap();
+        let mut told = ToolFrame::default();
+        told.header.lease = 7;
+        let since_ms = good_at_ms.map_or(1, |ms| ms + 1);
+        for ms in 1..since_ms + silence_ms {
+            let is_good = good_at_ms == Some(ms);
+            let value = if is_good { 0.0 } else { f64::NAN };
+            frame.header.sequence += 1;
+            frame.velocity_m_s[1] = value;
+            side.handle_frame(at(ms), &frame);
+            told.header.sequence += 1;
+            told.force_n[1] = value;
+            handle.handle_frame(at(ms), &told);
+            assert_eq!((side.fault(), handle.fault()), (None, None), "{ms} ms");
+        }
+        side.handle_frame(at(since_ms + silence_ms), &frame);
+        handle.handle_frame(at(since_ms + silence_ms), &told);
+        let field = |fault: Option<Implausible>| fault.map(|fault| fault.field);
+        assert_eq!(field(side.fault()), Some("velocity_m_s"));
+        assert_eq!(field(handle.fault()), Some("force_n"));
+    }
 }
 
 #[test]
@@ -340,7 +394,10 @@ fn no_number_of_a_handle_frame_escapes_the_check() {
         assert_eq!(side.fault(), None);
         frame.header.sequence = 2;
         spoil(&mut frame);
-        side.handle_frame(Timestamp::from_nanos(2_000_000), &frame);
+        for ms in [2, 102] {
+            side.handle_frame(Timestamp::from_nanos(1_000_000 * ms), &frame);
+        }
+        assert_eq!(side.arrivals().implausible, 2, "{field}");
         assert_eq!(side.fault().map(|fault| fault.field), Some(field));
     }
 }
@@ -372,10 +429,12 @@ fn a_finite_number_that_no_sensor_measures_is_refused_like_one_that_is_none() {
             frame.header.lease = 7;
             frame.header.sequence = 1;
             spoil(&mut frame, value);
-            side.handle_frame(Timestamp::from_nanos(1_000_000), &frame);
+            for ms in [1, 101] {
+                side.handle_frame(Timestamp::from_nanos(1_000_000 * ms), &frame);
+            }
             let fault = side.fault().map(|fault| fault.field);
             assert_eq!(fault, is_refused.then_some(field), "{value}");
-            assert_eq!(side.arrivals().implausible, u64::from(is_refused));
+            assert_eq!(side.arrivals().implausible, 2 * u64::from(is_refused));
             assert!(side.coordination_m() <= 1e3, "{field}: {value}");
         }
     }
@@ -398,10 +457,12 @@ fn a_finite_number_that_no_sensor_measures_is_refused_like_one_that_is_none() {
             frame.header.lease = 7;
             frame.header.sequence = 1;
             spoil(&mut frame, value);
-            side.handle_frame(Timestamp::from_nanos(1_000_000), &frame);
+            for ms in [1, 101] {
+                side.handle_frame(Timestamp::from_nanos(1_000_000 * ms), &frame);
+            }
             let fault = side.fault().map(|fault| fault.field);
             assert_eq!(fault, is_refused.then_some(field), "{value}");
-            assert_eq!(side.arrivals().implausible, u64::from(is_refused));
+            assert_eq!(side.arrivals().implausible, 2 * u64::from(is_refused));
         }
     }
 }

@@ -169,6 +169,8 @@ struct Run {
     silence: Duration,
     /// Gets the lease whose server has gone.
     gone: (UnboundedSender<u32>, UnboundedReceiver<u32>),
+    /// The lease whose server is said to be gone, and since when.
+    said_gone: Option<(u32, Instant)>,
     /// Of the last record: lease, state of the link, and since when it lasts.
     link_state: (u32, LinkState, Instant),
     mode: Mode,
@@ -205,6 +207,7 @@ impl Run {
             context: None,
             silence: Duration::ZERO,
             gone: unbounded_channel(),
+            said_gone: None,
             link_state: (0, LinkState::NotYet, started),
             mode: Mode::Resting,
             singularity: SingularityMonitor::default(),

@@ -24,6 +24,9 @@ const LOST_ON_COPY_AFTER: Duration = Duration::from_secs(8);
 /// A server whose end is seen was heard shortly before: a tick's records wait 20 ms, and the network's delay may be as
 /// long as sessions allow.
 const HEARD_WITHIN: Duration = Duration::from_secs(1);
+/// A server that is said to be gone is, once nothing has come for this long: twice the longest pause that a deadband
+/// leaves between two frames, and a little.
+const GONE_AFTER: Duration = Duration::from_millis(50);
 
 impl Run {
     /// Reads what the tick has recorded.
@@ -113,6 +116,7 @@ impl Run {
             return Ok(());
         }
         self.silence = Duration::from_nanos(record.silence_ns);
+        self.believe_gone(record.lease);
         self.on_link_state(record);
         self.refresh(record.lease, record.wanted);
         let is_on_copy = matches!(
@@ -188,7 +192,8 @@ impl Run {
         }
     }
 
-    /// The server's process has ended: the force goes, and another lease is asked for.
+    /// The server's process has ended, or somebody says so: anybody can show the token and take it away. What is true
+    /// shows within a moment, since a server that has ended sends nothing.
     pub(super) fn on_server_gone(&mut self, lease: u32) {
         let is_current = self
             .line
@@ -196,9 +201,23 @@ impl Run {
             .is_some_and(|line| line.grant.granted.lease == lease);
         // A token also goes when Zenoh gives up a line that has long been silent. A process that dies is seen at once.
         let was_heard = self.silence < HEARD_WITHIN;
-        if !is_current || self.is_leaving || !was_heard {
+        if is_current && !self.is_leaving && was_heard {
+            self.said_gone = Some((lease, Instant::now()));
+        }
+    }
+
+    /// Lets go if the server was said to be gone and is silent, too: the force goes, and another lease is asked for.
+    fn believe_gone(&mut self, lease: u32) {
+        let Some((_, said)) = self.said_gone.filter(|(gone, _)| *gone == lease) else {
+            return;
+        };
+        if self.silence < GONE_AFTER {
+            if HEARD_WITHIN < said.elapsed() {
+                self.said_gone = None;
+            }
             return;
         }
+        self.said_gone = None;
         if let Some(rig) = &mut self.rig {
             // A full ring means a thread that has stopped: nothing is felt then.
             let _ = rig.ends.orders.push(Order::Release { lease });

@@ -110,7 +110,7 @@ pub struct Session {
     pub axes: Axes,
     /// What the loop does.
     pub state: SessionState,
-    /// Why the session is in fault; `null` when it is not.
+    /// Which tools are in fault, and why; `null` when none is.
     #[schema(required)]
     pub fault: Option<String>,
     /// What the clay resists with.
@@ -147,7 +147,7 @@ words! {
         Running "running",
         /// Somebody has paused the session.
         Paused "paused",
-        /// The loop met a value it cannot work with; see [`Session::fault`].
+        /// No tool works, and one rests because a value came that it cannot work with; see [`Session::fault`].
         Fault "fault",
     }
 }

@@ -232,9 +232,6 @@ impl Live {
                 RefusalCode::NoFreeTool,
                 format!("all {tools} tools of session `{id}` are held"),
             ),
-            ChangeError::Refused(refusal @ Refusal::Fault { .. }) => {
-                (RefusalCode::Fault, refusal.to_string())
-            }
             ChangeError::Field(error) => (RefusalCode::BadRequest, error.to_string()),
             ChangeError::Gone => (
                 RefusalCode::NoSuchSession,

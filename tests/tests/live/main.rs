@@ -17,3 +17,4 @@ mod robot;
 mod sharing;
 mod soak;
 mod stopping;
+mod strangers;

@@ -3,7 +3,7 @@
 use teleclay_link::Vec3;
 use teleclay_link::arrivals::Arrival;
 use teleclay_link::freshness::Age;
-use teleclay_link::safety::{Measure, check};
+use teleclay_link::safety::{Flaw, Implausible, Measure, check};
 use teleclay_link::scheme::HandlePort;
 use teleclay_link::time::Timestamp;
 use teleclay_proto::frame::{CopyState, Corrections, Gaps, Sweeps, ToolFrame};
@@ -22,7 +22,6 @@ impl HandleSide {
             return;
         }
         own.ownership_epoch = header.ownership_epoch;
-        let arrival = self.arrivals.on_sequence(header.sequence);
         let outside = [
             ("position_m", Measure::Position, &frame.position_m[..]),
             ("velocity_m_s", Measure::Velocity, &frame.velocity_m_s),
@@ -31,11 +30,24 @@ impl HandleSide {
             ("wave_integral", Measure::Sum, &frame.wave_integral),
             ("energy_in_j", Measure::Sum, &frame.energy_in_j),
         ];
-        if let Err(fault) = check(&outside) {
+        let leap = Implausible {
+            field: "sequence",
+            flaw: Flaw::TooLarge,
+        };
+        let is_plausible = check(&outside).and_then(|()| {
+            let leaps = self.arrivals.leaps(header.sent_ns, header.sequence);
+            if leaps { Err(leap) } else { Ok(()) }
+        });
+        if let Err(fault) = is_plausible {
             self.arrivals.on_implausible();
-            self.fault = Some(fault);
+            let silence = self.model.watchdog.silence;
+            if self.persistence.on_implausible(now, silence) {
+                self.fault = Some(fault);
+            }
             return;
         }
+        self.persistence.on_plausible();
+        let arrival = self.arrivals.on_sequence(header.sent_ns, header.sequence);
         let is_at_rest = self.watchdog.gain() <= 0.0;
         let age = match arrival {
             Arrival::Newest => self.freshness.on_newest(now, header.sent_ns, is_at_rest),

@@ -21,7 +21,7 @@ use teleclay_link::deadband::{Deadband, DeadbandError, DeadbandSettings};
 use teleclay_link::freshness::Freshness;
 use teleclay_link::replica::ToolSetup;
 use teleclay_link::round_trip::RoundTrip;
-use teleclay_link::safety::{ForceLimiter, Implausible, Measure, Watchdog, check};
+use teleclay_link::safety::{ForceLimiter, Implausible, Measure, Persistence, Watchdog, check};
 use teleclay_link::scheme::replica::{Snapshot, WantedSnapshot};
 use teleclay_link::scheme::{
     ClayCopy, HandleController, HandlePort, SchemeContext, handle_controller,
@@ -137,6 +137,7 @@ pub struct HandleSide {
     /// When the tool side was seen to go, until it is heard of again.
     gone_since: Option<Timestamp>,
     fault: Option<Implausible>,
+    persistence: Persistence,
     frame: HandleFrame,
     deadband: Option<Deadband>,
     /// Engagement and scheme as last sent.
@@ -184,6 +185,7 @@ impl HandleSide {
             status: LoopStatus::Idle,
             gone_since: None,
             fault: None,
+            persistence: Persistence::default(),
             frame: HandleFrame {
                 header,
                 engagement: Engagement::Engaged,

@@ -2,7 +2,7 @@
 
 use teleclay_link::arrivals::Arrival;
 use teleclay_link::freshness::Age;
-use teleclay_link::safety::{Measure, check};
+use teleclay_link::safety::{Flaw, Implausible, Measure, check};
 use teleclay_link::time::Timestamp;
 use teleclay_proto::frame::{Engagement, HandleFrame, LoopStatus, SweepRefusal};
 
@@ -21,7 +21,6 @@ impl ToolSide {
         if self.names_another_owner {
             return;
         }
-        let arrival = self.arrivals.on_sequence(header.sequence);
         let corrections = &frame.corrections;
         let scalars = [
             corrections.moved_n,
@@ -44,11 +43,24 @@ impl ToolSide {
             ),
             ("corrections", Measure::Sum, &scalars),
         ];
-        if let Err(fault) = check(&outside) {
+        let leap = Implausible {
+            field: "sequence",
+            flaw: Flaw::TooLarge,
+        };
+        let is_plausible = check(&outside).and_then(|()| {
+            let leaps = self.arrivals.leaps(header.sent_ns, header.sequence);
+            if leaps { Err(leap) } else { Ok(()) }
+        });
+        if let Err(fault) = is_plausible {
             self.arrivals.on_implausible();
-            self.fault = Some(fault);
+            let silence = self.model.watchdog.silence;
+            if self.persistence.on_implausible(now, silence) {
+                self.fault = Some(fault);
+            }
             return;
         }
+        self.persistence.on_plausible();
+        let arrival = self.arrivals.on_sequence(header.sent_ns, header.sequence);
         self.heard_at = Some(now);
         let is_at_rest = self.watchdog.gain() <= 0.0;
         let age = match arrival {
@@ -111,7 +123,6 @@ impl ToolSide {
     pub(super) fn status(&self, permission: Permission) -> LoopStatus {
         match permission {
             _ if self.fault.is_some() => LoopStatus::Fault,
-            Permission::Fault => LoopStatus::Fault,
             Permission::Pause => LoopStatus::Paused,
             Permission::Work if self.engagement == Engagement::Engaged => LoopStatus::Running,
             Permission::Work => LoopStatus::Idle,

@@ -24,7 +24,7 @@ use teleclay_link::freshness::Freshness;
 use teleclay_link::motion_limiter::MotionLimiter;
 use teleclay_link::replica::{Cut, ToolSetup};
 use teleclay_link::round_trip::RoundTrip;
-use teleclay_link::safety::{Implausible, Watchdog};
+use teleclay_link::safety::{Implausible, Persistence, Watchdog};
 use teleclay_link::scheme::replica::MergeContext;
 use teleclay_link::scheme::{Generation, ToolController, tool_controller};
 use teleclay_link::time::Timestamp;
@@ -50,8 +50,6 @@ pub enum Permission {
     Work,
     /// The session is paused.
     Pause,
-    /// The session is in fault.
-    Fault,
 }
 
 /// What one step did.
@@ -112,6 +110,7 @@ pub struct ToolSide {
     /// Whether the newest frame under this lease was meant for an earlier server of the session.
     names_another_owner: bool,
     fault: Option<Implausible>,
+    persistence: Persistence,
     handle: FarHandle,
     frame: ToolFrame,
     deadband: Option<Deadband>,
@@ -160,6 +159,7 @@ impl ToolSide {
             left_at: None,
             names_another_owner: false,
             fault: None,
+            persistence: Persistence::default(),
             handle: FarHandle::default(),
             frame: ToolFrame {
                 header,
