@@ -9,7 +9,7 @@ use teleclay_proto::frame::{HandleFrame, MAX_FRAME, ToolFrame};
 use teleclay_proto::join::{ChallengeReply, RefusalCode, SealedReply};
 use teleclay_proto::keys::SessionKeys;
 use teleclay_proto::{RealmName, Scheme, SessionId};
-use teleclay_shell::network::{CONTROL_QOS, Endpoints, neighbour, open};
+use teleclay_shell::network::{CONTROL_QOS, neighbour};
 use teleclay_tests::process::PATIENCE;
 use teleclay_tests::recording::{Row, greatest_force_step_n};
 use teleclay_tests::stage::{DEMO, Handle, HandleOptions, Server, TOKEN};
@@ -23,12 +23,18 @@ fn keys() -> SessionKeys {
     SessionKeys::new(realm, SessionId::new(DEMO).unwrap())
 }
 
+/// As a client of the server's, which passes on between its clients and its peers; handles are peers.
 async fn connected_to(endpoint: &str) -> Session {
-    let endpoints = Endpoints {
-        connect: vec![endpoint.to_owned()],
-        ..Endpoints::default()
-    };
-    open(&endpoints).await.unwrap()
+    let mut config = zenoh::Config::default();
+    let connect = format!("[\"{endpoint}\"]");
+    for (key, value) in [
+        ("mode", "\"client\""),
+        ("scouting/multicast/enabled", "false"),
+        ("connect/endpoints", &connect),
+    ] {
+        config.insert_json5(key, value).unwrap();
+    }
+    zenoh::open(config).await.unwrap()
 }
 
 fn ada(server: &Server) -> HandleOptions {
@@ -316,11 +322,16 @@ async fn frames_of_a_stranger_are_not_felt_by_a_hand_that_cuts() {
         let server = Server::with_token().unwrap();
         let client = server.client.clone();
         client.patch(DEMO, &json!({ "scheme": scheme })).unwrap();
-        // Along the block at a steady speed: the force is steady, too, once the ball is in the clay.
-        let path = ["--intent", "trajectory", "--waypoints", "0.11,0,0@0.01"];
+        // Into the block, and along it at a steady speed: the force is steady, too, once the ball is in the clay.
+        let corners = "-0.03,0,0@0.05;-0.03,0,-0.007@0.02;0.03,0,-0.007@0.02";
+        let path = ["--intent", "trajectory", "--waypoints", corners];
         let mut handle = Handle::start(&ada(&server).with(&path)).unwrap();
         let lies = Lies::listening(&server.endpoint()).await;
-        let is_in = |session: &teleclay_proto::http::Session| 0.02 < session.tools[0].position_m[0];
+        let home_m = client.session(DEMO).unwrap().tools[0].position_m;
+        let is_in = |session: &teleclay_proto::http::Session| {
+            let [x_m, _, z_m] = session.tools[0].position_m;
+            z_m < home_m[2] - 0.006 && home_m[0] - 0.02 < x_m
+        };
         client
             .session_when(DEMO, "the tool to be in the clay", PATIENCE, is_in)
             .unwrap();
