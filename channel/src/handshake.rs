@@ -7,7 +7,7 @@ use blake2::{Blake2s256, Digest};
 use snow::{Builder, HandshakeState};
 
 use crate::challenge::Challenge;
-use crate::seal::Forged;
+use crate::forged::Forged;
 
 const PATTERN: &str = "Noise_NNpsk0_25519_ChaChaPoly_BLAKE2s";
 /// What a message has beside its payload, in bytes: a public key and a tag.

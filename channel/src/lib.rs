@@ -10,10 +10,12 @@
 //! ChaCha20-Poly1305, RFC 8439. proto/SPEC.md has the bytes.
 
 pub mod challenge;
+mod forged;
 pub mod handshake;
 pub mod seal;
 mod window;
 
 pub use challenge::{Challenge, Challenges, Unwelcome};
+pub use forged::Forged;
 pub use handshake::{Answering, Asking, Context, Keys, Secret};
-pub use seal::{Channel, Forged, Purpose, TRAILER};
+pub use seal::{Channel, Purpose, TRAILER};

@@ -8,6 +8,7 @@ use std::sync::{Mutex, PoisonError};
 use chacha20poly1305::aead::AeadInPlace;
 use chacha20poly1305::{ChaCha20Poly1305, KeyInit, Nonce, Tag};
 
+use crate::forged::Forged;
 use crate::handshake::Keys;
 use crate::window::Window;
 
@@ -34,23 +35,6 @@ pub enum Purpose {
 }
 
 const PURPOSES: usize = 6;
-
-/// Why a message is not heard.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum Forged {
-    /// There is no trailer at its end.
-    #[error("a message of {got} bytes has no trailer")]
-    TooShort {
-        /// Its length.
-        got: usize,
-    },
-    /// It was written by somebody else, for something else, or changed on its way.
-    #[error("a message that the other side did not write")]
-    Unauthentic,
-    /// It has come before, or so late that nobody can tell.
-    #[error("a message that was heard before")]
-    Replayed,
-}
 
 /// One side's end of a lease. Any thread may use it; none waits for longer than another takes to note a number.
 pub struct Channel {

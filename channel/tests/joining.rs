@@ -227,6 +227,20 @@ proptest! {
     }
 }
 
+/// Another implementation's first message: Python's `noiseprotocol`, with the prologue and the pre-shared key that the
+/// specification names.
+#[test]
+fn a_join_is_that_of_the_specification() {
+    let first = "ac8b936247a710c23cd3c2e2383f10f3e01213a216acf1a2d201c83945408a5a\
+                 0878af6a76594a13a750e6a562ee7e626b54d69afd1fc40d";
+    let first: Vec<u8> = (0..first.len() / 2)
+        .map(|byte| u8::from_str_radix(&first[2 * byte..2 * byte + 2], 16).unwrap())
+        .collect();
+    let challenge = Challenge::from_bytes(std::array::from_fn(|n| n as u8));
+    let (heard, _) = Answering::hear(&secret(), context(&challenge), &first).unwrap();
+    assert_eq!(heard, b"who I am");
+}
+
 /// Another implementation's tags: Python's `cryptography`, `ChaCha20Poly1305(key).encrypt(nonce, b"", covered)`.
 #[test]
 fn trailers_are_those_of_the_specification() {

@@ -131,10 +131,9 @@ impl Channels {
             let mut channels = slots.iter().flatten();
             channels.find(|channel| channel.lease == lease).cloned()
         });
-        let heard = holder
-            .ok_or(Forged::Unauthentic)
-            .and_then(|holder| holder.channel.open(purpose, sealed).map(|_| holder.clone()));
-        heard
+        let holder = holder.ok_or(Forged::Unauthentic)?;
+        holder.channel.open(purpose, sealed)?;
+        Ok(holder)
     }
 
     /// A message that no holder wrote, or that came again. Gives how many came, where that is worth a word: one, ten,

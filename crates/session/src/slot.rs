@@ -25,7 +25,7 @@ pub(crate) struct Holder {
     pub(crate) side: Box<ToolSide>,
     /// As last told.
     pub(crate) was_connected: bool,
-    /// Likewise.
+    /// As last told, if the tool is in fault.
     pub(crate) fault: Option<Implausible>,
 }
 

@@ -117,3 +117,7 @@ impl Network {
         }
     }
 }
+
+fn json(value: &impl serde::Serialize) -> Vec<u8> {
+    serde_json::to_vec(value).expect("plain data has a JSON form")
+}

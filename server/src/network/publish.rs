@@ -13,7 +13,7 @@ use teleclay_proto::{RealmName, SessionId};
 use zenoh::Session;
 use zenoh::liveliness::LivelinessToken;
 
-use super::queries::json;
+use super::json;
 use crate::directory::{Directory, Live};
 
 /// How often slow state is published, and bricks at most.

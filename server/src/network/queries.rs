@@ -18,6 +18,7 @@ use zenoh::bytes::ZBytes;
 use zenoh::query::Query;
 use zenoh::{Session, Wait};
 
+use super::json;
 use super::publish::bricks;
 use crate::directory::{Directory, Live};
 use crate::doors::LeaseChannel;
@@ -254,10 +255,6 @@ fn question(payload: Option<&ZBytes>) -> Result<Vec<u8>, usize> {
         Some(bytes) if LONGEST_QUESTION < bytes.len() => Err(bytes.len()),
         Some(bytes) => Ok(bytes.to_bytes().into_owned()),
     }
-}
-
-pub(super) fn json(value: &impl serde::Serialize) -> Vec<u8> {
-    serde_json::to_vec(value).expect("plain data has a JSON form")
 }
 
 async fn leave(live: &Live, asker: &LeaseChannel) -> LeaveReply {

@@ -417,6 +417,7 @@ fn session() -> Session {
             lost: 4,
             duplicates: 5,
             reordered: 6,
+            unheard: 5,
             packets_up_per_s: 999.5,
             packets_down_per_s: 1000.0,
             energy_j: 0.0125,
