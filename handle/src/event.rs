@@ -66,7 +66,7 @@ pub enum Event {
         /// The allowed silence, s.
         silence_s: f64,
     },
-    /// The silence lasts: the copy is felt and no longer cut.
+    /// The silence lasts: the copy is no longer cut, and its force fades.
     OnStaleCopy,
     /// The server's process has gone.
     ServerGone,
@@ -231,9 +231,9 @@ impl fmt::Display for Event {
                 f,
                 "no frame from the server for {silence_s} s: going on with the copy of the clay"
             ),
-            Self::OnStaleCopy => {
-                f.write_str("still no frame: the copy of the clay is felt and no longer cut")
-            }
+            Self::OnStaleCopy => f.write_str(
+                "still no frame: the copy of the clay is no longer cut, and its force fades",
+            ),
             Self::ServerGone => f.write_str("the server has gone: force released, joining again"),
             Self::Copied { epoch, took_s } => write!(
                 f,

@@ -46,7 +46,7 @@ pub enum State {
     Silent,
     /// Likewise, but the copy of the clay goes on.
     OnCopy,
-    /// The silence lasts: the copy is felt and no longer cut.
+    /// The silence lasts: the copy is no longer cut, and its force fades.
     OnStaleCopy,
     /// The session is paused.
     Paused,

@@ -219,7 +219,7 @@ fn an_outage_of_five_seconds_while_cutting_is_felt_as_clay_and_leaves_both_sides
             stage
                 .handle
                 .process
-                .logs("felt and no longer cut", PATIENCE)
+                .logs("is no longer cut, and its force fades", PATIENCE)
                 .unwrap();
             stage.server.client.let_pass(DEMO, 1).unwrap();
             let alone = stage.server.client.session(DEMO).unwrap();
@@ -283,7 +283,7 @@ fn a_server_that_is_half_dead_for_a_while_loses_nothing_and_nothing_queued_moves
             stage
                 .handle
                 .process
-                .logs("felt and no longer cut", PATIENCE)
+                .logs("is no longer cut, and its force fades", PATIENCE)
                 .unwrap();
             stage.server.process.thaw();
             stage

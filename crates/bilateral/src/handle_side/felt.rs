@@ -8,6 +8,10 @@ use teleclay_proto::frame::LoopStatus;
 
 use super::{BLEND_S, HandleSide, HandleStep, LinkState};
 
+/// A copy that is stale fades out of the hand within this time, s: clay that nobody has confirmed is not pressed on a
+/// person for long, and a hand is not dropped from it.
+const STALE_FADE_S: f64 = 1.0;
+
 impl HandleSide {
     pub(super) fn felt_force(&mut self, now: Timestamp, port: &HandlePort) -> Vec3 {
         let tick_s = self.model.tick_s();
@@ -37,7 +41,14 @@ impl HandleSide {
         let reaction = fresh + (self.fading - fresh) * self.fading_share;
         self.fading_share -= self.fading_share * (tick_s / BLEND_S);
         self.last_reaction = reaction;
-        let gain = self.remote_gain * self.status_gain;
+        let is_stale = self.link_state(now) == LinkState::OnStaleCopy;
+        let stale_change = if is_stale {
+            -tick_s / STALE_FADE_S
+        } else {
+            change
+        };
+        self.stale_gain = (self.stale_gain + stale_change).clamp(0.0, 1.0);
+        let gain = self.remote_gain * self.status_gain * self.stale_gain;
         // Capped before the ramp: a wish beyond the bound would hold the force at the bound for a part of the ramp, and
         // let go of the hand later than it ends.
         let mut wanted = if gain < 1.0 {

@@ -47,7 +47,7 @@ pub enum LinkState {
     Silent,
     /// Likewise, but there is a copy of the clay to be felt, and for a while to be cut.
     OnCopy,
-    /// The silence lasts: the copy is felt and no longer cut.
+    /// The silence lasts: the copy is no longer cut, and its force fades.
     OnStaleCopy,
     /// The tool side has gone: nobody would merge what is cut here, so there is nothing to be felt either.
     Gone,
@@ -123,6 +123,8 @@ pub struct HandleSide {
     remote_gain: f64,
     needed_frames: bool,
     status_gain: f64,
+    /// Of what a copy makes that nobody has confirmed for long.
+    stale_gain: f64,
     /// Ramps up once, from the first step: taking over a handle that is being pushed moves it gently.
     start_gain: f64,
     /// What was felt when the scheme changed, and how much of it is left, 0 to 1.
@@ -174,6 +176,7 @@ impl HandleSide {
             remote_gain: 0.0,
             needed_frames: true,
             status_gain: 0.0,
+            stale_gain: 1.0,
             start_gain: 0.0,
             fading: Vec3::zeros(),
             fading_share: 0.0,

@@ -310,7 +310,7 @@ fn one_snapshot_heals_a_copy_that_is_being_cut() {
 
 /// Five seconds without a line, in the middle of a cut.
 #[test]
-fn on_a_long_silence_the_copy_is_felt_but_no_longer_cut_and_nothing_is_lost() {
+fn on_a_long_silence_the_copy_is_no_longer_cut_its_force_fades_and_nothing_is_lost() {
     let steady = line(20, 0.0, 0.0);
     let mut rig = embedded(
         running(Scheme::Replica),
@@ -337,11 +337,21 @@ fn on_a_long_silence_the_copy_is_felt_but_no_longer_cut_and_nothing_is_lost() {
         .unwrap()
         .clay()
         .removed_units();
+    // A force of the copy is there, and gone a second after the copy became stale.
     let mut felt = 0.0_f64;
-    for _ in 0..2800 {
+    let (mut before, mut step) = (rig.last().felt_force_n, 0.0_f64);
+    for millisecond in 0..2800 {
         rig.tick();
-        felt = felt.max(norm(rig.last().felt_force_n));
+        let now = rig.last().felt_force_n;
+        step = step.max(rigs::distance(now, before));
+        before = now;
+        felt = felt.max(norm(now));
+        // It became stale in the 200 ms before these.
+        if 1000 <= millisecond {
+            assert_eq!(now, [0.0; 3], "{millisecond} ms");
+        }
     }
+    assert!(step <= 2.0, "{step} N in a tick");
     assert_eq!(
         rig.clay_copy()
             .unwrap()

@@ -16,8 +16,8 @@
 //! # Silence
 //!
 //! The copy needs no frames to be felt, so the watchdog does not take its force away. But it may be cut only while
-//! somebody merges the cuts: after [`STALE`] without a frame, or with the log full, the tool goes blunt. It feels the
-//! clay, cuts nothing, and says so.
+//! somebody merges the cuts: after [`STALE`] without a frame, or with the log full, the tool goes blunt: it cuts
+//! nothing, and says so. In a silence that lasts so long, the handle side lets its force fade.
 //!
 //! # Differences
 //!
