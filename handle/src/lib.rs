@@ -20,8 +20,9 @@
 //! What follows from a silent server: within the allowed silence plus the ramp (0.15 s by default) the remote part of
 //! the force is zero, in the handle side itself. After a second of silence the server is asked for another lease, until
 //! there is one again. The handle then comes to rest, and a new loop starts from where it stands, at zero force. A copy
-//! of the clay needs no frames: there the force goes on, cutting ends after two seconds, the force within another, and another lease is asked
-//! for after eight. A server whose process ends is seen to go, and the force goes after 0.05 s of silence, copy or not.
+//! of the clay needs no frames: there the force goes on, cutting ends after two seconds, the force within another, and
+//! another lease is asked for after eight. A server whose process ends is seen to go, and the force goes after 0.05 s
+//! of silence, copy or not.
 
 pub mod arguments;
 pub mod device;

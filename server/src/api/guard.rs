@@ -4,9 +4,10 @@
 //! |---|---|---|
 //! | Host | a name of somebody else's that resolves to this machine, so that their page is "same origin" here | all requests while no token is configured |
 //! | Origin | a page from elsewhere that asks on behalf of its visitor; WebSockets are not covered by CORS | requests that change something, and WebSockets |
-//! | token | everyone else | `/api/v1` and `/metrics` while one is configured |
+//! | token | everyone else; after many wrong ones, everybody at that address for a while | `/api/v1` and `/metrics` while one is configured |
 
 use std::net::IpAddr;
+use std::time::Instant;
 
 use axum::extract::{Request, State};
 use axum::http::uri::Authority;
@@ -15,7 +16,8 @@ use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use tower_http::cors::CorsLayer;
 
-use super::problem::{Failure, HOST, HOST_MISSING, ORIGIN, TOKEN};
+use super::problem::{Failure, HOST, HOST_MISSING, ORIGIN, TOKEN, TOO_MANY_TRIES};
+use super::visitors::{Peer, Tries};
 use super::{Api, ApiConfig};
 
 /// What stands before a token among the subprotocols of a WebSocket.
@@ -39,7 +41,9 @@ pub(crate) async fn require_token(
     request: Request,
     next: Next,
 ) -> Response {
-    match check_token(api.config().token.as_deref(), request.headers()) {
+    let peer = request.extensions().get::<Peer>().copied();
+    let token = api.config().token.as_deref();
+    match check_token(token, api.tries(), peer, request.headers()) {
         Ok(()) => next.run(request).await,
         Err(failure) => failure.into_response(),
     }
@@ -144,16 +148,29 @@ fn is_same_secret(a: &str, b: &str) -> bool {
     a.len() == b.len() && std::hint::black_box(differing) == 0
 }
 
-fn check_token(token: Option<&str>, headers: &HeaderMap) -> Result<(), Failure> {
+fn check_token(
+    token: Option<&str>,
+    tries: &Tries,
+    peer: Option<Peer>,
+    headers: &HeaderMap,
+) -> Result<(), Failure> {
     let Some(token) = token else {
         return Ok(());
     };
     let Some(shown) = shown_token(headers) else {
         return Err(refusal("the request shows none"));
     };
+    let now = Instant::now();
+    // Before it is looked at: whoever guesses must not learn from the answer which guess was right.
+    if let Some(wait) = tries.wait(now, peer) {
+        let wait_s = wait.as_secs_f64().ceil();
+        let failure = TOO_MANY_TRIES.because(format!("wait for {wait_s} s"));
+        return Err(failure.with_header(header::RETRY_AFTER, HeaderValue::from(wait_s as u64)));
+    }
     if is_same_secret(shown, token) {
         return Ok(());
     }
+    tries.count(now, peer);
     Err(refusal("the request shows another one"))
 }
 
@@ -290,7 +307,7 @@ mod tests {
                 header::AUTHORIZATION,
                 format!("Bearer {shown}").parse().unwrap(),
             );
-            check_token(Some("correct"), &headers)
+            check_token(Some("correct"), &Tries::default(), None, &headers)
         };
         assert_eq!(check("correct"), Ok(()));
         for wrong in ["", "correc", "correct ", "correctly", "Correct"] {

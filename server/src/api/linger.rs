@@ -6,6 +6,8 @@
 
 use std::io;
 use std::pin::Pin;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::task::{Context, Poll};
 use std::time::Duration;
 
@@ -47,6 +49,7 @@ where
     /// There until this is dropped.
     held: Option<(C, K)>,
     patience: Patience,
+    hangs_up: Arc<AtomicBool>,
 }
 
 impl<C, K> Lingering<C, K>
@@ -58,7 +61,13 @@ where
         Self {
             held: Some((connection, kept)),
             patience,
+            hangs_up: Arc::default(),
         }
+    }
+
+    /// Once this is set, the connection no longer lingers: it ends when it is dropped.
+    pub(crate) fn hangs_up(&self) -> Arc<AtomicBool> {
+        Arc::clone(&self.hangs_up)
     }
 
     fn connection(&mut self) -> io::Result<Pin<&mut C>> {
@@ -75,6 +84,9 @@ where
     K: Send + 'static,
 {
     fn drop(&mut self) {
+        if self.hangs_up.load(Ordering::Relaxed) {
+            return;
+        }
         // Without a runtime the process is about to end, and its connections with it.
         if let (Some((connection, kept)), Ok(runtime)) = (self.held.take(), Handle::try_current()) {
             let patience = self.patience;
@@ -157,8 +169,6 @@ where
 
 #[cfg(test)]
 mod tests {
-    use std::sync::Arc;
-
     use tokio::io::duplex;
     use tokio::time::Instant;
 

@@ -4,21 +4,24 @@ use std::io;
 use std::net::SocketAddr;
 use std::pin::pin;
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use axum::Router;
+use axum::http::{Request, StatusCode};
+use hyper::body::Incoming;
 use hyper::server::conn::http1;
+use hyper::service::service_fn;
 use hyper_util::rt::{TokioIo, TokioTimer};
-use hyper_util::service::TowerToHyperService;
+use socket2::SockRef;
 use tokio::net::{TcpListener, TcpSocket, TcpStream};
-use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
+use tokio::sync::watch;
 use tokio::time::{sleep, timeout};
+use tower::ServiceExt as _;
 
 use super::linger::{Lingering, Patience};
 use super::stall::Impatient;
-
-/// Connections at once. More wait to be accepted; each watcher has one, and each page a handful besides.
-const MAX_CONNECTIONS: usize = 512;
+use super::visitors::{Peer, Visit, Visitors};
 
 /// Bytes that the operating system may hold for a reader, about half a second of a watcher's budget. It would otherwise
 /// grow to megabytes, and a slow watcher would see the clay of half a minute ago. Linux takes the double, for its own
@@ -29,7 +32,7 @@ const SEND_BUFFER: u32 = 128 * 1024;
 const BACKLOG: u32 = 256;
 
 /// A request's head comes within this, or the connection is closed. It is also how long an idle connection is kept.
-const HEAD_TIMEOUT: Duration = Duration::from_secs(30);
+const HEAD_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// Longest head of a request, bytes: RFC 9112 §3 recommends 8000 for its first line alone.
 const MAX_HEAD: usize = 32 * 1024;
@@ -62,16 +65,25 @@ pub fn bind(listen: SocketAddr) -> io::Result<TcpListener> {
 
 /// Serves until `stop` is done, then lets requests under way finish for a few seconds. Streams do not hold it up.
 pub async fn serve(listener: TcpListener, router: Router, stop: impl Future<Output = ()>) {
-    let places = Arc::new(Semaphore::new(MAX_CONNECTIONS));
+    let visitors = Arc::new(Visitors::default());
     let (stopping, stopped) = watch::channel(());
     let mut stop = pin!(stop);
     loop {
-        let next = accept(&listener, &places);
-        let (connection, place) = tokio::select! {
-            next = next => next,
+        let (connection, address) = tokio::select! {
+            next = accept(&listener) => next,
             () = &mut stop => break,
         };
-        tokio::spawn(converse(connection, router.clone(), stopped.clone(), place));
+        // One that finds no place is closed at once.
+        if let Some(visit) = visitors.arrive(address.ip()) {
+            let router = router.clone();
+            tokio::spawn(converse(
+                connection,
+                address,
+                router,
+                stopped.clone(),
+                visit,
+            ));
+        }
     }
     drop((listener, stopped));
     stopping.send_replace(());
@@ -79,17 +91,10 @@ pub async fn serve(listener: TcpListener, router: Router, stop: impl Future<Outp
     timeout(GRACE, stopping.closed()).await.ok();
 }
 
-async fn accept(
-    listener: &TcpListener,
-    places: &Arc<Semaphore>,
-) -> (TcpStream, OwnedSemaphorePermit) {
-    let place = Arc::clone(places)
-        .acquire_owned()
-        .await
-        .expect("nobody closes it");
+async fn accept(listener: &TcpListener) -> (TcpStream, SocketAddr) {
     loop {
         match listener.accept().await {
-            Ok((connection, _)) => return (connection, place),
+            Ok(accepted) => return accepted,
             // A connection that ended before it was accepted is nobody's loss.
             Err(error) if is_of_one_connection(&error) => {}
             Err(error) => {
@@ -111,30 +116,59 @@ fn is_of_one_connection(error: &io::Error) -> bool {
 
 async fn converse(
     connection: TcpStream,
+    address: SocketAddr,
     router: Router,
     mut stopped: watch::Receiver<()>,
-    place: OwnedSemaphorePermit,
+    visit: Visit,
 ) {
     // What is written is meant to be sent: a message that waited for the last one's receipt would wait for tens of
     // milliseconds. A connection that is gone already says so when it is read.
     connection.set_nodelay(true).ok();
-    let service = TowerToHyperService::new(router);
+    // One whose other end has vanished without a word is given up as soon as one whose other end has stopped reading.
+    SockRef::from(&connection)
+        .set_tcp_user_timeout(Some(STALL_TIMEOUT))
+        .ok();
+    let visit = Arc::new(visit);
+    let asked = Arc::clone(&visit);
+    let service = service_fn(move |mut request: Request<Incoming>| {
+        asked.asks();
+        request.extensions_mut().insert(Peer(address.ip()));
+        let (router, asked) = (router.clone(), Arc::clone(&asked));
+        async move {
+            let answer = router.oneshot(request).await;
+            let is_stream = answer
+                .as_ref()
+                .is_ok_and(|answer| answer.status() == StatusCode::SWITCHING_PROTOCOLS);
+            if !is_stream {
+                asked.is_answered();
+            }
+            answer
+        }
+    });
+    let lingering = Lingering::new(connection, Arc::clone(&visit), Patience::USUAL);
+    let hangs_up = lingering.hangs_up();
     let mut conversation = pin!(
         http1::Builder::new()
             .timer(TokioTimer::new())
             .header_read_timeout(HEAD_TIMEOUT)
             .max_buf_size(MAX_HEAD)
             .serve_connection(
-                TokioIo::new(Impatient::new(
-                    Lingering::new(connection, place, Patience::USUAL),
-                    STALL_TIMEOUT
-                )),
+                TokioIo::new(Impatient::new(lingering, STALL_TIMEOUT)),
                 service
             )
             .with_upgrades()
     );
     let ended = tokio::select! {
         ended = &mut conversation => ended,
+        has_asked = visit.must_leave() => {
+            if !has_asked {
+                // Nothing was said that could be lost.
+                hangs_up.store(true, Ordering::Relaxed);
+                return;
+            }
+            conversation.as_mut().graceful_shutdown();
+            conversation.await
+        }
         _ = stopped.changed() => {
             conversation.as_mut().graceful_shutdown();
             conversation.await

@@ -11,7 +11,8 @@
 //! | [`problem`] | every way to fail |
 //! | [`body`] | what comes in, checked |
 //! | [`http_metrics`] | what the interface counts of itself |
-//! | [`listener`], [`stall`], [`linger`] | connections: how many, how long, how much may wait in them, how they end |
+//! | [`listener`], [`stall`], [`linger`] | connections: how long, how much may wait in them, how they end |
+//! | [`visitors`] | who is connected: how many connections an address may hold, how many wrong tokens it may show |
 //!
 //! A request passes, from the outside in: headers for the answer, the count, a net for panics, the time limit, host and
 //! origin, and under `/api/v1` the token. Whatever fails anywhere answers with a problem.
@@ -34,6 +35,7 @@ mod sessions;
 mod stall;
 mod stream;
 mod theory;
+mod visitors;
 
 use std::any::Any;
 use std::sync::Arc;
@@ -55,6 +57,7 @@ use self::body::MAX_BODY;
 use self::http_metrics::HttpMetrics;
 use self::problem::{Failure, INTERNAL, METHOD, NO_ANSWER, path_of};
 use self::theory::ComputePool;
+use self::visitors::Tries;
 use crate::directory::Directory;
 
 pub use self::config::ApiConfig;
@@ -157,6 +160,7 @@ struct Inner {
     directory: Directory,
     config: ApiConfig,
     metrics: HttpMetrics,
+    tries: Tries,
     watcher_places: Arc<Semaphore>,
     model_places: Arc<Semaphore>,
     compute: ComputePool,
@@ -172,6 +176,7 @@ impl Api {
             directory,
             config,
             metrics: HttpMetrics::default(),
+            tries: Tries::default(),
             watcher_places: Arc::new(Semaphore::new(MAX_WATCHERS)),
             model_places: Arc::new(Semaphore::new(MAX_MODELS)),
             compute: ComputePool::default(),
@@ -189,6 +194,11 @@ impl Api {
 
     pub(crate) fn metrics(&self) -> &HttpMetrics {
         &self.0.metrics
+    }
+
+    /// Wrong tokens that were shown.
+    pub(crate) fn tries(&self) -> &Tries {
+        &self.0.tries
     }
 
     pub(crate) fn watcher_places(&self) -> &Arc<Semaphore> {

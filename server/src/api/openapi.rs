@@ -20,13 +20,22 @@ use utoipa_axum::routes;
 use super::Api;
 use super::problem::{
     HOST, HOST_MISSING, INTERNAL, KINDS, Kind, METHOD, NO_ANSWER, NO_SUCH_PATH, ORIGIN, TOKEN,
+    TOO_MANY_TRIES,
 };
 
 /// What any call may be answered with.
 pub(crate) const ANYWHERE: &[Kind] = &[HOST_MISSING, HOST, ORIGIN, INTERNAL, NO_ANSWER];
 
 /// What any call may be answered with that a token guards.
-pub(crate) const GUARDED: &[Kind] = &[HOST_MISSING, TOKEN, HOST, ORIGIN, INTERNAL, NO_ANSWER];
+pub(crate) const GUARDED: &[Kind] = &[
+    HOST_MISSING,
+    TOKEN,
+    HOST,
+    ORIGIN,
+    TOO_MANY_TRIES,
+    INTERNAL,
+    NO_ANSWER,
+];
 
 /// Declares the kinds of problem that a call may be answered with, besides [`GUARDED`] or whatever follows `in`.
 macro_rules! refusals {

@@ -85,6 +85,8 @@ kinds! {
         "The detail says which range is at fault and why.";
     UPGRADE = UPGRADE_REQUIRED "upgrade", "this is a WebSocket",
         "Ask with Connection: upgrade and Upgrade: websocket.";
+    TOO_MANY_TRIES = TOO_MANY_REQUESTS "too-many-tries", "too many wrong tokens came from there",
+        "An address may show 20 wrong tokens at once, and then one a second; until then no token of its is looked at. Retry-After says when.";
     INTERNAL = INTERNAL_SERVER_ERROR "internal", "the server made a mistake",
         "This is a defect of the server's. Its log says more.";
     NOT_READY = SERVICE_UNAVAILABLE "not-ready", "the server is not ready",

@@ -140,3 +140,34 @@ fn a_connection_answers_one_request_after_the_other() {
         .collect();
     assert_eq!(statuses, ["404", "404", "200"]);
 }
+
+/// More connections than there may be, all of one address, none of which asks for anything.
+#[test]
+fn connections_that_ask_for_nothing_keep_nobody_out() {
+    let site = shared().serve(|_| {});
+    let mut silent = Vec::new();
+    for number in 0..700 {
+        silent.push(site.connect());
+        if number % 50 == 0 {
+            let asked = Instant::now();
+            assert_eq!(site.get("/healthz").status, 200, "beside {number}");
+            assert!(asked.elapsed().as_secs() < 1, "{:?}", asked.elapsed());
+        }
+    }
+    // Half a head is nothing either.
+    for stream in &mut silent {
+        stream.write_all(b"GET /healthz HT").ok();
+    }
+    assert_eq!(site.get("/healthz").status, 200);
+    // Of all these, the server has kept a page's worth or two.
+    let mut kept = 0;
+    for mut stream in silent {
+        stream.set_nonblocking(true).unwrap();
+        let mut byte = [0];
+        match stream.read(&mut byte) {
+            Err(error) if error.kind() == std::io::ErrorKind::WouldBlock => kept += 1,
+            _ => {}
+        }
+    }
+    assert!(kept <= 32, "{kept} were kept");
+}

@@ -193,7 +193,6 @@ fn guarded(rig: &Rig) -> Site {
 
 #[test]
 fn with_a_token_every_call_needs_it_and_any_name_will_do() {
-    let site = guarded(shared());
     let bearer = format!("Bearer {TOKEN}");
     let calls = [
         Ask::new("GET", "/metrics"),
@@ -208,6 +207,8 @@ fn with_a_token_every_call_needs_it_and_any_name_will_do() {
         Ask::new("PUT", "/api/v1/sessions").json("{"),
     ];
     for ask in calls {
+        // Each has tries of its own.
+        let site = guarded(shared());
         for shown in [
             "",
             "Bearer",
@@ -291,4 +292,31 @@ fn a_stream_takes_its_token_from_the_second_subprotocol() {
     let answer = handshake(&format!("teleclay.v1, bearer.{TOKEN}"));
     assert_eq!(refusal(&answer), refused(400, "handshake"));
     open.delete(&format!("/api/v1/sessions/{session}"));
+}
+
+/// Twenty at once, then one a second; and nothing is told of a token that comes sooner, not even of the right one.
+#[test]
+fn wrong_tokens_are_looked_at_twenty_times_and_then_one_a_second() {
+    let site = shared().serve(|config| config.token = Some("the right token, long".to_owned()));
+    let ask = |token: &str| {
+        let ask = Ask::new("GET", "/api/v1/sessions");
+        site.send(&ask.with("Authorization", &format!("Bearer {token}")))
+    };
+    assert_eq!(ask("the right token, long").status, 200);
+    let statuses: Vec<u16> = (0..40)
+        .map(|number| ask(&format!("guess {number}")).status)
+        .collect();
+    let looked_at = statuses.iter().filter(|status| **status == 401).count();
+    let refused = statuses.iter().filter(|status| **status == 429).count();
+    assert_eq!(looked_at + refused, 40, "{statuses:?}");
+    // The machine may take a few seconds over them.
+    assert!((20..30).contains(&looked_at), "{statuses:?}");
+    let mut sooner = ask("the right token, long");
+    if sooner.status == 200 {
+        // A second had just passed.
+        assert_eq!(ask("one more guess").status, 401);
+        sooner = ask("the right token, long");
+    }
+    assert_eq!((sooner.status, &*sooner.word()), (429, "too-many-tries"));
+    assert_eq!(sooner.header("retry-after"), Some("1"));
 }
