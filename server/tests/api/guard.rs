@@ -248,7 +248,7 @@ fn with_a_token_every_call_needs_it_and_any_name_will_do() {
         "/api/v1/openapi.json",
         "/problems",
     ] {
-        assert_eq!(site.get(path).status, 200, "{path}");
+        assert_eq!(guarded(shared()).get(path).status, 200, "{path}");
     }
 }
 
