@@ -24,8 +24,9 @@ const COLOURS: Record<LoopName, string> = { open: "--accent", position_force: "-
 export const ZOOMS = { near: 1.4, mid: 5, far: 25 } as const;
 export type Zoom = keyof typeof ZOOMS;
 
-export function curveOf(name: LoopName, answer: LoopAnswer, loop: DelayedLoop, round_trip_s: number): Curve {
-  return name === "open" ? answer.nyquist : loop.curve(name, round_trip_s);
+/** Nothing where the curve is the module's, and that is not there. */
+export function curveOf(name: LoopName, answer: LoopAnswer, loop: DelayedLoop | undefined, round_trip_s: number): Curve | undefined {
+  return name === "open" ? answer.nyquist : loop?.curve(name, round_trip_s);
 }
 
 export function nyquist(name: LoopName, curve: Curve, answer: LoopAnswer, zoom: Zoom, at_rad_s: number | undefined): FigureContent {

@@ -45,7 +45,7 @@ export function StabilityPage(): JSX.Element {
   const at_rad_s = useSignal<number | undefined>(undefined);
   const curve = useComputed((): Curve | undefined => {
     const { answer } = theory.loop.asked.value;
-    return answer === undefined || delayed.value === undefined ? undefined : curveOf(loop.value, answer, delayed.value, round_trip_s.value);
+    return answer === undefined ? undefined : curveOf(loop.value, answer, delayed.value, round_trip_s.value);
   });
   const drawn = <T,>(draw: (curve: Curve, answer: NonNullable<typeof theory.loop.asked.value.answer>) => T): T | undefined => {
     const { answer } = theory.loop.asked.value;
@@ -95,7 +95,7 @@ const ZOOM_NAMES: readonly Zoom[] = ["near", "mid", "far"];
 function Sentence(): JSX.Element {
   const { phase, problem, answer } = theory.loop.asked.value;
   const now = verdict.value;
-  const calm = now?.schemes.every(({ isStable }) => isStable);
+  const calm = mathematicsMissing.value === undefined ? now?.schemes.every(({ isStable }) => isStable) : false;
   return (
     <section class="panel sentence" aria-live="polite" data-calm={calm}>
       <p class="headline" data-testid="verdict" role={mathematicsMissing.value === undefined ? undefined : "alert"}>{now?.headline ?? mathematicsMissing.value ?? (phase === "away" ? "The server does not answer." : "Asking the server …")}</p>
