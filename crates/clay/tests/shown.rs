@@ -264,6 +264,26 @@ fn a_block_of_clay_looks_in_the_mirror_as_large_as_it_is() {
     );
 }
 
+/// Where light does not fall evenly on a level face, every vertex of it is drawn: a hollow just below makes its
+/// vertices face aside, though all lie in one plane.
+#[test]
+fn a_level_face_that_is_not_lit_evenly_is_no_fan() {
+    let top = 24.0;
+    let hollow = |at: [f64; 3]| {
+        let is_over = at[..2].iter().all(|along| (18.0..20.0).contains(along));
+        let is_air = top < at[2] || is_over && (20.0..22.0).contains(&at[2]);
+        if is_air { 0 } else { SOLID }
+    };
+    let meshes = meshes_of(&mut mirror_of([3, 3, 2], hollow));
+    let middle = &meshes[&(4 + 9)];
+    let above = middle.positions.as_chunks::<3>().0.iter().filter(|place| {
+        let [x, y, z] = place.map(f64::from);
+        (z - top).abs() < 1e-6 && (18.5..19.5).contains(&x) && (18.5..19.5).contains(&y)
+    });
+    assert_eq!(above.count(), 1);
+    volume_of(&meshes);
+}
+
 /// A brick of its own cannot make a mesh that 16 bits do not count: the worst clay there is, single voxels in air.
 #[test]
 fn vertices_of_a_brick_are_counted_by_sixteen_bits() {
@@ -389,10 +409,10 @@ fn voxels_that_are_all_alike_are_known_again() {
     assert_eq!(mirror.brick([0; 3]), BrickView::Empty);
 }
 
-/// Clay where x + 2 y + 3 z is small: no axis may be taken for another.
-fn slanted(at: [f64; 3]) -> u8 {
-    let [x, y, z] = at.map(f64::floor);
-    (255.0 - 3.0 * (x + 2.0 * y + 3.0 * z)).clamp(0.0, 255.0) as u8
+/// Clay of which no axis may be taken for another, and whose means are no whole numbers.
+fn speckled(at: [f64; 3]) -> u8 {
+    let [x, y, z] = at.map(|along| along.floor() as u32);
+    ((7 * x + 13 * y + 29 * z + x * y) % 256) as u8
 }
 
 /// Feeds a mirror of half the resolution with a grid of 3 by 2 by 2 bricks.
@@ -408,7 +428,7 @@ fn halved(mirror: &mut Mirror, mut field: impl FnMut([f64; 3]) -> u8) {
 fn half_the_resolution_keeps_every_voxels_clay_in_its_place() {
     let mut mirror = Mirror::default();
     mirror.start_anew([2, 1, 1]).unwrap();
-    halved(&mut mirror, slanted);
+    halved(&mut mirror, speckled);
     for [x, y, z] in [
         [0, 0, 0],
         [17, 3, 9],
@@ -424,7 +444,7 @@ fn half_the_resolution_keeps_every_voxels_clay_in_its_place() {
                 2 * z + (eighth >> 2),
             ];
             if fine[0] < 48 {
-                sum += u32::from(slanted(fine.map(f64::from)));
+                sum += u32::from(speckled(fine.map(f64::from)));
             }
         }
         let at = (x % 16 + 16 * (y + 16 * z)) as usize;
@@ -458,7 +478,7 @@ fn half_the_resolution_changes_only_the_eighth_that_a_brick_is_of() {
 
 #[test]
 fn coarse_occupancies_are_the_means_of_their_blocks() {
-    let mut mirror = mirror_of([2, 1, 1], slanted);
+    let mut mirror = mirror_of([2, 1, 1], speckled);
     let edge = BRICK_EDGE / COARSENESS;
     for brick in 0..2 {
         let coarse = mirror.coarse(brick as u32);
@@ -468,7 +488,7 @@ fn coarse_occupancies_are_the_means_of_their_blocks() {
             for within in 0..64 {
                 let [i, j, k] = [within % 4, within / 4 % 4, within / 16];
                 let at = [16 * brick + 4 * x + i, 4 * y + j, 4 * z + k];
-                sum += f64::from(slanted(at.map(|along| along as f64)));
+                sum += f64::from(speckled(at.map(|along| along as f64)));
             }
             assert!(
                 (f64::from(got) - sum / 64.0).abs() <= 0.5,

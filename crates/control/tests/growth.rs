@@ -8,6 +8,7 @@ use std::f64::consts::TAU;
 use teleclay_control::compensators::Sides;
 use teleclay_control::{
     Characteristic, ClosedLoop, Complex, DelayedScheme, LoopError, Polynomial, RationalFunction,
+    paper,
 };
 use winding::roots_right_of;
 
@@ -98,6 +99,28 @@ fn without_delay_what_grows_are_the_roots_of_the_sum() {
     let fastest = of.fastest_growth(0.0, SLOWEST_PER_S).unwrap().unwrap();
     assert!((fastest.frequency_hz - 3.0 / TAU).abs() < 1e-12);
     assert_eq!(of.fastest_growth(0.0, 2.5).unwrap(), None);
+}
+
+/// In force exchange each side moves a copy of the admittance, and without delay the copies part as the roots of its
+/// denominator say: here `s (s - 0.5)`, while arm and clay hold what the copies have in common.
+#[test]
+fn copies_that_part_by_themselves_grow_without_delay() {
+    let sides = Sides {
+        g_h: RationalFunction::new(&[1.0], &[1.0]).unwrap(),
+        s_h: RationalFunction::zero(),
+        g_t: paper::default_g_t(),
+        s_t: RationalFunction::zero(),
+        c_h1: RationalFunction::new(&[1.0], &[1.0, -0.5, 0.0]).unwrap(),
+        position_ratio: 1.0,
+        force_ratio: -1.0,
+    };
+    let closed = ClosedLoop::new(&sides, &polynomial(&[2.0, 6.0]), &polynomial(&[3.0, 0.0]));
+    let closed = closed.unwrap();
+    let growing = |scheme| roots_of(&closed.characteristic(scheme).unwrap(), 0.0);
+    assert_eq!(growing(DelayedScheme::PositionForce), []);
+    let found = growing(DelayedScheme::ForceExchange);
+    assert_eq!(found.len(), 1);
+    assert!((found[0] - 0.5).norm() < 1e-12, "{found:?}");
 }
 
 /// A loop of the reference, its characteristic function and its margin.
