@@ -1,5 +1,5 @@
-// What goes wrong at a page: numbers that mean nothing or two things, a graphics context that is taken away, a stream
-// that is closed.
+// What goes wrong at a page: numbers that mean nothing or two things, a graphics context that is taken away, a module
+// that does not load, a stream that is closed.
 
 import { beforeAll, describe, expect, it } from "vitest";
 import { benchAt } from "./bench";
@@ -144,6 +144,28 @@ describe("a graphics context that is taken away", () => {
     await page.page.getByRole("button", { name: "Draw anew now" }).click();
     await until("the robot is drawn anew", async () => (await page.share(before, await robot.screenshot())) < SAME);
     await page.keep("context-back-robot");
+  });
+});
+
+describe("a module that does not load", () => {
+  it("is said, with the reason, wherever the page would calculate, and the rest goes on", async () => {
+    await page.page.route("**/*.wasm", (route) => route.fulfill({ status: 404, body: "" }));
+    await open("stability?picture=plain");
+    await page.page.reload();
+    await page.saying("verdict", /This page cannot calculate, as its module did not load: .*\.wasm answers 404\. Load the page again\./);
+    await page.keep("module-missing-stability");
+    await until("the server's margins are shown all the same", async () => (await page.page.getByTestId("gain-margin").count()) === 1);
+    await open("robot?picture=plain");
+    await page.saying("posture", "its module did not load");
+    await open("live?session=demo&picture=plain");
+    await until("the missing module is told among the events", async () =>
+      (await page.page.locator(".notices li", { hasText: /the clay cannot be shown, as the page's module did not load: .*answers 404/ }).count()) === 1);
+    await settled();
+    await page.keep("module-missing-live");
+    await page.page.unroute("**/*.wasm");
+    await page.page.reload();
+    await until("the clay is drawn", async () => 0 < Number(await page.page.getByTestId("drawn").getAttribute("data-triangles")));
+    page.forgive("status of 404");
   });
 });
 

@@ -1,5 +1,6 @@
 import { render } from "preact";
 import { App } from "./ui/app";
+import { loadMathematics } from "./ui/mathematics";
 import { followAddress } from "./ui/pages";
 import { start } from "./ui/store";
 import "./ui/style/theme.css";
@@ -12,5 +13,6 @@ import { followTheme } from "./ui/theme";
 followTheme();
 followAddress();
 start();
+void loadMathematics();
 const host = document.getElementById("app");
 if (host !== null) render(<App />, host);

@@ -19,8 +19,6 @@ pub mod join;
 pub mod keys;
 pub mod watch;
 
-mod bytes;
-mod error;
 mod material;
 mod names;
 mod part;
@@ -30,12 +28,13 @@ mod tool;
 mod validate;
 mod word;
 
-pub use error::FrameError;
 pub use material::Material;
 pub use names::{NameError, NodeName, RealmName, SessionId};
 pub use part::Part;
 pub use scheme::{Axes, AxesError, Scheme};
 pub use sequence::is_after;
+pub use teleclay_wire::FrameError;
+
 pub use tool::ToolDescription;
 pub use word::UnknownWord;
 

@@ -1,7 +1,7 @@
 //! Parts of an answer that has several: each says which it is, so that whoever asked knows when all have come.
 
 use crate::FrameError;
-use crate::bytes::Reader;
+use teleclay_wire::bytes::Reader;
 
 /// One of the parts that make up an answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -8,13 +8,15 @@ use std::process::Command;
 use serde_json::Value;
 
 /// Which rooms each room uses, tests of it included: exactly these.
-const USES: [(&str, &[&str]); 17] = [
+const USES: [(&str, &[&str]); 19] = [
     ("control", &[]),
     ("kinematics", &[]),
     ("clay", &[]),
     ("device", &[]),
-    ("proto", &[]),
     ("channel", &[]),
+    ("wire", &[]),
+    ("proto", &["wire"]),
+    ("page", &["clay", "control", "kinematics", "wire"]),
     ("operator", &["control", "device", "kinematics"]),
     ("link", &["clay", "control", "proto"]),
     ("bilateral", &["clay", "control", "device", "link", "proto"]),
@@ -79,8 +81,11 @@ const SEE_EVERYTHING: [&str; 4] = [
     "xtask",
 ];
 
-/// Rooms that are mathematics and matter alone: they do not even know how they are written down.
-const WITHOUT_SERDE: [&str; 3] = ["control", "kinematics", "clay"];
+/// Where code knows no clock, thread, file, socket or global chance.
+const PURE: [&str; 3] = ["crates", "proto", "client-web/wasm"];
+
+/// Mathematics, matter, and what else the dashboard's module is made of: they bring nothing along that knows JSON.
+const WITHOUT_SERDE: [&str; 5] = ["control", "kinematics", "clay", "wire", "page"];
 
 /// Packages that open sockets, start threads or ask the operating system for chance.
 const IMPURE_PACKAGES: [&str; 12] = [
@@ -147,7 +152,7 @@ fn each_room_uses_exactly_the_rooms_that_the_map_says_and_all_of_them_stand_abov
 }
 
 #[test]
-fn control_kinematics_and_clay_do_not_know_how_they_are_written_down() {
+fn mathematics_and_matter_do_not_know_json() {
     let metadata = metadata(&["--no-deps"]);
     for room in WITHOUT_SERDE {
         let package = member(&metadata, room);
@@ -237,8 +242,7 @@ fn the_search_for_impurities_finds_them_and_leaves_tests_and_comments_alone() {
     );
 }
 
-/// A feature that only tests switch on makes cargo build every package below it twice, once for `cargo build` and once
-/// for `cargo test`; for zenoh that is minutes.
+/// A feature that only tests switch on makes cargo build all below it twice; for zenoh that is minutes.
 #[test]
 fn builds_and_tests_share_one_feature_set() {
     let build = features("normal,build");
@@ -332,8 +336,7 @@ fn links_to_code(line: &str) -> impl Iterator<Item = &str> {
         .filter(|link| link.ends_with(".rs"))
 }
 
-/// What between backticks reads as a name of the code: a type, a type's function, a test; after a link to a file also a
-/// function, which has more letters than a symbol of the paper.
+/// What between backticks reads as a name of the code: a type, a type's function, a test; after a link also a function.
 fn names_of_code(line: &str) -> Vec<&str> {
     let link_ends = line.find(".rs)").unwrap_or(line.len());
     let mut names = Vec::new();
@@ -524,13 +527,10 @@ fn pure_members(metadata: &Value) -> Vec<&Value> {
     let is_pure = |package: &&Value| {
         let folder = Path::new(text(&package["manifest_path"])).parent().unwrap();
         let place = folder.strip_prefix(root()).unwrap_or(folder);
-        package["source"].is_null() && (place.starts_with("crates") || place.starts_with("proto"))
+        package["source"].is_null() && (PURE.iter().any(|folder| place.starts_with(folder)))
     };
     let pure: Vec<&Value> = list(&metadata["packages"]).iter().filter(is_pure).collect();
-    assert!(
-        6 < pure.len(),
-        "crates/ and proto are not where this test looks"
-    );
+    assert!(6 < pure.len(), "{PURE:?} are not where this test looks");
     pure
 }
 

@@ -1,25 +1,33 @@
-//! Builds the dashboard when its sources changed since the last build.
+//! Builds the dashboard when its sources changed since the last build, the module of WebAssembly in it first.
 
 use std::fs;
 use std::hash::{DefaultHasher, Hash, Hasher};
+use std::panic::resume_unwind;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::thread;
 
 use anyhow::{Context, Result, ensure};
 
 use crate::files::files_of_ours;
 use crate::process::{answer, command, run_quietly};
+use crate::tools::install_wasm_target;
 use crate::workspace::{root, target};
 
 /// What `npm ci` reads.
 const PACKAGE_FILES: [&str; 3] = ["package.json", "package-lock.json", ".npmrc"];
 
-/// Installs packages and builds client-web/dist, each only when needed.
+/// What the module of WebAssembly is built into.
+const MODULE: &str = "generated/page.wasm";
+
+/// Prepares and builds client-web/dist, each only when needed.
 pub(crate) fn build() -> Result<()> {
-    install()?;
+    prepare()?;
     let folder = folder();
     let stamp = target().join("dashboard.stamp");
-    let inputs = fingerprint(&sources(&folder)?)?;
+    let mut inputs = sources(&folder)?;
+    inputs.push(folder.join(MODULE));
+    let inputs = fingerprint(&inputs)?;
     let page = folder.join("dist/index.html");
     if page.exists() && holds(&stamp, &inputs) {
         println!("the dashboard is built already");
@@ -32,6 +40,25 @@ pub(crate) fn build() -> Result<()> {
         "npm run build succeeded but made no client-web/dist/index.html"
     );
     leave(&stamp, &inputs)
+}
+
+/// Has packages and module there: packages come over the network while the module is compiled.
+pub(crate) fn prepare() -> Result<()> {
+    install_wasm_target()?;
+    thread::scope(|scope| {
+        let module = scope.spawn(build_module);
+        let installed = install();
+        let built = module.join().unwrap_or_else(|panic| resume_unwind(panic));
+        installed.and(built)
+    })
+}
+
+/// Builds the module that the page has in common with the server; cargo knows whether anything changed.
+fn build_module() -> Result<()> {
+    let log = target().join("dashboard-module.log");
+    let mut script = command("node");
+    script.current_dir(folder()).arg("scripts/module.mjs");
+    run_quietly(script, "building the dashboard's module", &log)
 }
 
 /// Installs the dashboard's packages as its lock file names them.
@@ -60,10 +87,11 @@ fn folder() -> PathBuf {
     root().join("client-web")
 }
 
-/// Every file that the build may read; the browser's tests are none of them.
+/// Every file that the build may read; the browser's tests are none of them, and of the module only what was built.
 fn sources(folder: &Path) -> Result<Vec<PathBuf>> {
     let mut files = files_of_ours(folder, &[])?;
-    files.retain(|file| !file.starts_with(folder.join("browser")));
+    let others = ["browser", "wasm"].map(|name| folder.join(name));
+    files.retain(|file| !others.iter().any(|other| file.starts_with(other)));
     Ok(files)
 }
 
@@ -101,6 +129,7 @@ mod tests {
             ("src", "main.ts"),
             ("node_modules/three", "index.js"),
             ("browser", "a.ts"),
+            ("wasm/src", "lib.rs"),
         ]
         .map(|(name, file)| (folder.join(name), file))
         {
@@ -109,7 +138,11 @@ mod tests {
         }
         let now = || fingerprint(&sources(&folder).unwrap()).unwrap();
         let first = now();
-        for made in ["node_modules/three/index.js", "browser/a.ts"] {
+        for made in [
+            "node_modules/three/index.js",
+            "browser/a.ts",
+            "wasm/src/lib.rs",
+        ] {
             fs::write(folder.join(made), "two").unwrap();
             assert_eq!(first, now());
         }

@@ -1,7 +1,7 @@
 import { describe, expect, it } from "vitest";
 import { MeshArena } from "./arena";
 import { Ranges, rounded } from "./ranges";
-import type { BrickMesh } from "./surface";
+import type { BrickMesh } from "../protocol/module";
 
 describe("the arena", () => {
   it("holds exactly the triangles of the meshes placed last, whatever came before", () => {

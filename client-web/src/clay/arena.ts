@@ -2,7 +2,7 @@
 // touched.
 
 import { Ranges } from "./ranges";
-import type { BrickMesh } from "./surface";
+import type { BrickMesh } from "../protocol/module";
 
 /** A stretch of a buffer to upload, in elements. */
 export interface Stretch {

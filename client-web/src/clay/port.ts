@@ -1,6 +1,11 @@
 // What crosses between the page and the clay worker: brick messages as they came in, meshes back.
 
-import type { BrickMesh } from "./surface";
+import type { ClayDescription, MeshedBrick } from "../protocol/module";
+
+/** Voxels along the edge of a block whose mean occupancy the shading of the clay looks up. */
+export const COARSENESS = 4;
+/** Such blocks along a brick's edge. */
+export const COARSE_EDGE = 4;
 
 /** `half`: voxels of twice the edge, for machines that draw slowly. */
 export type Detail = "full" | "half";
@@ -12,30 +17,18 @@ export type ToWorker =
   /** A new view: it holds no mesh yet. */
   | { readonly type: "everything" };
 
-export interface MeshedBrick {
-  readonly index: number;
-  /** Nothing: the brick has no surface. */
-  readonly mesh: BrickMesh | undefined;
-  /** Mean occupancy of blocks of voxels: see `coarse.ts`. */
-  readonly coarse: Uint8Array<ArrayBuffer>;
-}
-
-export interface Meshes {
+export interface Meshes extends ClayDescription {
   readonly type: "meshes";
   /** The grid is another one: every mesh held before is void. */
   readonly regridded: boolean;
-  readonly epoch: number;
-  readonly voxel_size_m: number;
-  readonly bricks_per_axis: readonly [number, number, number];
   readonly bricks: readonly MeshedBrick[];
-  /** Bricks still to come. */
-  readonly stale: number;
   readonly duration_ms: number;
 }
 
-export interface Undecodable {
-  readonly type: "undecodable";
-  readonly reason: string;
+export interface Trouble {
+  readonly type: "trouble";
+  /** A sentence without its full stop. */
+  readonly says: string;
 }
 
-export type ClayUpdate = Meshes | Undecodable;
+export type ClayUpdate = Meshes | Trouble;

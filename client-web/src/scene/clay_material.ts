@@ -1,7 +1,7 @@
 // How clay looks: matt, warm, darker where it was cut, and darkest where little of the sky is seen.
 
 import * as THREE from "three";
-import { COARSENESS } from "../clay/coarse";
+import { COARSENESS } from "../clay/port";
 import type { Quality } from "./quality";
 
 /** What the material has to know about the block. Lengths in voxels, as the mesh has them. */

@@ -2,8 +2,7 @@
 
 import * as THREE from "three";
 import { MeshArena, type Stretch } from "../clay/arena";
-import { COARSE_EDGE } from "../clay/coarse";
-import type { Meshes } from "../clay/port";
+import { COARSE_EDGE, type Meshes } from "../clay/port";
 import type { Vector } from "../protocol/session";
 import { type ClayMaterial, clayMaterial } from "./clay_material";
 import type { Quality } from "./quality";

@@ -2,8 +2,9 @@
 // z up.
 
 import * as THREE from "three";
-import type { RobotGeometry, Triple } from "../protocol/theory";
-import { type ArmPose, directionOf } from "../theory/robot";
+import type { Arm } from "../protocol/module";
+import type { Triple } from "../protocol/theory";
+import type { RobotPose } from "../theory/robot";
 
 /** Radii of the robot's links and rods, in millimetres. */
 const LINK_RADIUS = 4;
@@ -56,27 +57,25 @@ export class RobotModel {
     this.#arms.forEach(({ material }, j) => material.color.set(colours.arms[j]));
   }
 
-  /** Arms that do not reach hang at their shoulders, and are said to be `short`. */
-  place(geometry: RobotGeometry, position_m: Triple, arms: readonly ArmPose[], short: readonly number[]): void {
+  /** Of an arm that does not reach only the motor is there, and the arm's colour is that of trouble. */
+  place({ geometry, position_m, arms }: RobotPose): void {
     const base = mm(geometry.base_radius_m);
     this.#base.scale.set(base, base, PLATE_MM);
     this.#base.position.z = -PLATE_MM - JOINT_RADIUS;
     const platform = Math.max(mm(geometry.platform_radius_m), 2);
     this.#platform.scale.set(platform, platform, PLATE_MM);
     this.#platform.position.set(mm(position_m[0]), mm(position_m[1]), mm(position_m[2]) + PLATE_MM / 2 + 1);
-    let next = 0;
     this.#arms.forEach((parts, j) => {
-      const isShort = short.includes(j);
+      const arm = arms[j];
+      const isShort = arm.bend === undefined;
       parts.material.color.set(isShort ? this.#colours.short : this.#colours.arms[j]);
       for (const part of [parts.link, parts.elbow, parts.wrist, ...parts.rods, ...parts.balls]) part.visible = !isShort;
-      const [ex, ey] = directionOf(geometry, j);
+      const [ex, ey] = arm.direction;
       const across = new THREE.Vector3(-ey, ex, 0);
       parts.motor.position.set(base * ex, base * ey, 0).addScaledVector(across, -13);
       parts.motor.quaternion.setFromUnitVectors(UP, across);
       parts.motor.scale.set(8, 26, 8);
-      if (isShort) return;
-      placeArm(parts, arms[next], across);
-      next += 1;
+      if (arm.bend !== undefined) placeArm(parts, arm, arm.bend.elbow_m, across);
     });
   }
 
@@ -104,8 +103,8 @@ export class RobotModel {
   }
 }
 
-function placeArm(parts: ArmParts, arm: ArmPose, across: THREE.Vector3): void {
-  const [shoulder, elbow, wrist] = [arm.shoulder_m, arm.elbow_m, arm.wrist_m].map((at) => new THREE.Vector3(...at).multiplyScalar(1000));
+function placeArm(parts: ArmParts, { shoulder_m, wrist_m }: Arm, elbow_m: Triple, across: THREE.Vector3): void {
+  const [shoulder, elbow, wrist] = [shoulder_m, elbow_m, wrist_m].map((at) => new THREE.Vector3(...at).multiplyScalar(1000));
   between(parts.link, shoulder, elbow, LINK_RADIUS);
   const ends = [-ROD_GAP / 2, ROD_GAP / 2].map((side) => [
     elbow.clone().addScaledVector(across, side), wrist.clone().addScaledVector(across, side),

@@ -2,8 +2,7 @@
 
 import * as THREE from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
-import type { RobotGeometry, Triple } from "../protocol/theory";
-import type { ArmPose } from "../theory/robot";
+import type { RobotPose } from "../theory/robot";
 import { Finish } from "./finish";
 import { LineGround, type StageColours } from "./ground";
 import { contextOf, processorDraws } from "./quality";
@@ -15,13 +14,6 @@ import { type Ramp, type Workspace, WorkspaceModel } from "./workspace_model";
 export interface RobotViewColours extends StageColours, RobotColours {
   readonly trail: string;
   readonly ramp: Ramp;
-}
-
-export interface RobotPose {
-  readonly geometry: RobotGeometry;
-  readonly position_m: Triple;
-  readonly arms: readonly ArmPose[];
-  readonly short: readonly number[];
 }
 
 const FIELD_OF_VIEW_DEG = 30;
@@ -88,9 +80,9 @@ export class RobotView {
     this.#changed = true;
   }
 
-  setPose({ geometry, position_m, arms, short }: RobotPose): void {
-    this.#robot.place(geometry, position_m, arms, short);
-    this.#workspace.slideTo(position_m[2]);
+  setPose(pose: RobotPose): void {
+    this.#robot.place(pose);
+    this.#workspace.slideTo(pose.position_m[2]);
     this.#changed = true;
   }
 

@@ -1,7 +1,9 @@
 import { readFileSync } from "node:fs";
-import { describe, expect, it } from "vitest";
+import { beforeAll, describe, expect, it } from "vitest";
+import { builtModule } from "../protocol/built_module";
+import type { PageModule } from "../protocol/module";
 import type { RobotGeometry, Triple } from "../protocol/theory";
-import { armsAt, BRANCHES } from "./robot";
+import { BRANCHES, poseAt } from "./robot";
 
 interface Reference {
   geometry: RobotGeometry;
@@ -13,11 +15,16 @@ const REFERENCES = JSON.parse(
   readFileSync(`${import.meta.dirname}/../../../crates/kinematics/tests/reference/cases.json`, "utf8"),
 ) as Reference[];
 
+let module: PageModule;
+beforeAll(async () => {
+  module = await builtModule();
+});
+
 describe("the robot", () => {
   it("has the reference's joint angles on all eight branches", () => {
     for (const { geometry, reachable } of REFERENCES) {
       for (const { position_m, joints_rad } of reachable) {
-        const found = BRANCHES.map((branch) => armsAt(geometry, position_m, branch).arms.map(({ joint_rad }) => joint_rad));
+        const found = BRANCHES.map((branch) => poseAt(module, geometry, position_m, branch)?.arms.map(({ bend }) => bend?.joint_rad) ?? []);
         found.forEach((joints, n) => joints.forEach((joint, j) => expect(joint).toBeCloseTo(joints_rad[n][j], 9)));
         expect(found.flat().length).toBe(24);
       }
@@ -28,9 +35,10 @@ describe("the robot", () => {
     for (const { geometry, reachable } of REFERENCES) {
       for (const { position_m } of reachable) {
         for (const branch of BRANCHES) {
-          for (const { shoulder_m, elbow_m, wrist_m } of armsAt(geometry, position_m, branch).arms) {
-            expect(distance(shoulder_m, elbow_m)).toBeCloseTo(geometry.upper_link_m, 12);
-            expect(distance(elbow_m, wrist_m)).toBeCloseTo(geometry.lower_link_m, 9);
+          for (const { shoulder_m, bend, wrist_m } of poseAt(module, geometry, position_m, branch)?.arms ?? []) {
+            if (bend === undefined) throw new Error("an arm of the reference does not reach");
+            expect(distance(shoulder_m, bend.elbow_m)).toBeCloseTo(geometry.upper_link_m, 12);
+            expect(distance(bend.elbow_m, wrist_m)).toBeCloseTo(geometry.lower_link_m, 9);
           }
         }
       }
@@ -42,10 +50,15 @@ describe("the robot", () => {
     for (const { geometry, unreachable_m } of REFERENCES) {
       for (const position_m of unreachable_m) {
         asked += 1;
-        expect(armsAt(geometry, position_m, [1, 1, 1]).short.length).toBeGreaterThan(0);
+        expect(poseAt(module, geometry, position_m, [1, 1, 1])?.short.length).toBeGreaterThan(0);
       }
     }
     expect(asked).toBeGreaterThan(0);
+  });
+
+  it("is nothing where the dimensions make none", () => {
+    const [{ geometry }] = REFERENCES;
+    expect(poseAt(module, { ...geometry, upper_link_m: 0 }, [0, 0, 0.1], [1, 1, 1])).toBeUndefined();
   });
 });
 

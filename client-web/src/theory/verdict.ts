@@ -1,9 +1,9 @@
 // What a loop does at a round trip, and why, in plain words: the server's margins put together with the motion that
 // grows.
 
+import type { DelayedScheme } from "../protocol/module";
 import type { DelayVerdict, LoopAnswer } from "../protocol/theory";
-import { size } from "./complex";
-import { characteristic, type DelayedScheme, fastestGrowth, type Growth, loopGain, type LoopParts } from "./loop";
+import type { DelayedLoop, Growth } from "./loop";
 
 export interface SchemeVerdict {
   readonly scheme: DelayedScheme;
@@ -31,27 +31,25 @@ type Margins = Pick<LoopAnswer,
 
 const NAMES: Record<DelayedScheme, string> = { position_force: "position–force", force_exchange: "force exchange" };
 
-export function verdictOf(answer: Margins, loop: LoopParts, round_trip_s: number): Verdict {
+export function verdictOf(answer: Margins, loop: DelayedLoop, round_trip_s: number): Verdict {
   const position = schemeVerdict("position_force", answer, loop, round_trip_s);
   const force = schemeVerdict("force_exchange", answer, loop, round_trip_s);
   const headline = answer.stable_without_delay
     ? `At ${milliseconds(round_trip_s)} ${position.says}; ${force.says}.`
-    : `Even without delay the loop is unstable${motion(fastestGrowth(characteristic("position_force", loop), 0))}.`;
+    : `Even without delay the loop is unstable${motion(loop.outlook("position_force", 0).growth)}.`;
   return { headline, schemes: [position, force] };
 }
 
-function schemeVerdict(scheme: DelayedScheme, answer: Margins, loop: LoopParts, round_trip_s: number): SchemeVerdict {
+function schemeVerdict(scheme: DelayedScheme, answer: Margins, loop: DelayedLoop, round_trip_s: number): SchemeVerdict {
   const verdict = answer[`delay_verdict_${scheme}`];
   const margin_s = answer[`delay_margin_${scheme}_s`] ?? undefined;
   const isStable = verdict === "unbounded" || (margin_s !== undefined && round_trip_s < margin_s);
-  const polynomials = characteristic(scheme, loop);
-  const growth = isStable ? undefined : fastestGrowth(polynomials, round_trip_s);
-  const peakGain = peakOf((omega) => size(loopGain(polynomials, 0, omega)));
-  const gainThere = growth === undefined ? undefined : size(loopGain(polynomials, 0, 2 * Math.PI * growth.frequency_hz));
+  const { peakGain, growth: grows } = loop.outlook(scheme, round_trip_s);
+  const growth = isStable ? undefined : grows;
   return {
     scheme, verdict, margin_s, isStable, growth, peakGain,
     says: `${NAMES[scheme]} ${sayingOf(verdict, margin_s, isStable, growth)}`,
-    because: reasonOf(scheme, verdict, isStable, peakGain, gainThere),
+    because: reasonOf(scheme, verdict, isStable, peakGain, growth?.gain),
   };
 }
 
@@ -77,13 +75,13 @@ function reasonOf(
     case "unstable_without_delay": return "The loop gain circles −1: handle, arm and clay feed one another even at once.";
     case "unstable_admittance": return "Each side moves a copy of the handle, and nothing that crosses the network holds the difference between the two.";
     case "unbounded":
-      return `${capital(path)}; round that way the gain stays ${peakGain < 1 ? "below 1" : "small enough"} (at most ${peakGain.toFixed(2)}), so ` +
+      return `${capital(path)}; round that way the gain stays ${peakGain < 1 ? "below 1" : "small enough"} (at most ${gainText(peakGain)}), so ` +
         `no delay can make a swing feed itself.${scheme === "force_exchange" ? " What delay costs here is coordination: hand and tool drift apart." : ""}`;
     case "finite":
       return isStable
-        ? `${capital(path)}; round that way the gain reaches ${peakGain.toFixed(2)}, so there is a delay at which a swing comes back turned by half and feeds itself.`
+        ? `${capital(path)}; round that way the gain reaches ${gainText(peakGain)}, so there is a delay at which a swing comes back turned by half and feeds itself.`
         : `${capital(path)}: it comes back turned by half a swing or more, and round that way the gain is ` +
-          `${gainThere === undefined ? "above 1" : gainThere.toFixed(2)}, so each swing feeds the next.`;
+          `${gainThere === undefined ? "above 1" : gainText(gainThere)}, so each swing feeds the next.`;
   }
 }
 
@@ -104,9 +102,5 @@ export function milliseconds(seconds: number | undefined): string {
 
 const capital = (text: string): string => text.charAt(0).toUpperCase() + text.slice(1);
 
-/** Greatest value over frequencies from far below to far above anything a hand does. */
-function peakOf(gain: (omega_rad_s: number) => number): number {
-  let peak = 0;
-  for (let n = 0; n <= 600; n += 1) peak = Math.max(peak, gain(10 ** (-4 + n / 75)));
-  return peak;
-}
+/** A path that rings for ever has no greatest gain. */
+const gainText = (gain: number): string => (Number.isFinite(gain) ? gain.toFixed(2) : "∞");

@@ -6,9 +6,9 @@ export class ClayFeed {
   readonly #worker = new Worker(new URL("../clay/worker.ts", import.meta.url), { type: "module" });
   #onMeshes: ((update: Meshes) => void) | undefined;
 
-  constructor(detail: Detail, onUndecodable: (reason: string) => void) {
+  constructor(detail: Detail, onTrouble: (says: string) => void) {
     this.#worker.onmessage = ({ data }: MessageEvent<ClayUpdate>) => {
-      if (data.type === "undecodable") onUndecodable(data.reason);
+      if (data.type === "trouble") onTrouble(data.says);
       else this.#onMeshes?.(data);
     };
     this.#post({ type: "detail", detail });

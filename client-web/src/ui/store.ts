@@ -12,7 +12,7 @@ export const theory = new Theory(browser);
 /** The published table; a page that was built without it shows what a server or a file gives. */
 const published = import.meta.glob<string>("../../../docs/latency/table.json", { query: "?url", import: "default", eager: true });
 export const tables = new Tables(browser, Object.values(published).at(0));
-export const clayFeed = new ClayFeed(pictureQuality() === "plain" ? "half" : "full", (reason) => live.report("error", `clay not understood: ${reason}`));
+export const clayFeed = new ClayFeed(pictureQuality() === "plain" ? "half" : "full", (says) => live.report("error", says));
 
 /** Starts the connection: the address may name a session, as in `#/live?session=demo`. */
 export function start(): void {

@@ -30,6 +30,7 @@ mod grid;
 mod hash;
 mod lanes;
 mod law;
+pub mod mirror;
 mod pose;
 mod shape;
 pub mod stl;
@@ -48,8 +49,9 @@ pub use law::{
     Coefficients, ContactState, MAX_COEFFICIENT, MAX_SPEED_M_S, Material, MaterialError, Motion,
     MotionError, RIGID_YIELD_SPEED_M_S, Regime, Response,
 };
+pub use mirror::Mirror;
 pub use pose::{Pose, PoseError, STEPS_PER_METRE};
 pub use shape::{MAX_STEPS, Shape, ShapeError, SteppedBlock, SteppedDimensions};
-pub use surface::Mesh;
+pub use surface::{BrickMesh, Mesh};
 pub use sweep::Sweep;
 pub use tool::{Ball, Blade, BladeDimensions, MAX_TOOL_SIZE_M, ToolError, ToolShape};

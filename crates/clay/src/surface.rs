@@ -45,11 +45,18 @@
 
 mod cell;
 mod draft;
+mod facing;
+mod shown;
 mod volume;
+mod window;
 
 use crate::clay::Clay;
 use crate::grid::BrickIndex;
 use draft::Draft;
+
+pub use shown::BrickMesh;
+pub(crate) use shown::BrickMesher;
+pub(crate) use window::{Bricks, HALO};
 
 /// How far a vertex stays from the sides of its cell, voxels. So small that clay of the least occupancy, one of 255,
 /// has room for its volume between its vertices. So large that vertices are told apart: coordinates are rounded to

@@ -10,18 +10,21 @@
 //! | run it at 1 kHz | [`StateSpace`] → [`DiscreteStateSpace`] with a [`State`] per axis |
 //! | tie the tool to the handle | [`compensators`] and [`Inverse`] |
 //! | know whether a loop is stable, and for how long a delay | [`analysis::analyse`], or [`ClosedLoop`] part by part |
+//! | know what it does past that delay | [`ClosedLoop::characteristic`], then [`Characteristic::fastest_growth`] |
 //! | choose `C_h1` | [`tuning::propose`] |
 //! | know what no wall can pass | [`wall`] |
 
 pub mod analysis;
 mod axis;
 mod balance;
+mod characteristic;
 mod closed_loop;
 pub mod compensators;
 mod curves;
 mod delay;
 mod discrete;
 mod frequency;
+mod growth;
 mod inverse;
 mod margins;
 pub mod paper;
@@ -32,10 +35,12 @@ mod state_space;
 pub mod tuning;
 pub mod wall;
 
+pub use characteristic::{Characteristic, GainAt};
 pub use closed_loop::{ClosedLoop, LoopError};
 pub use curves::Curve;
 pub use delay::{DelayMargin, DelayedScheme, NoMargin, delay_margin};
 pub use discrete::{DiscreteStateSpace, DiscretiseError, State};
+pub use growth::Growth;
 pub use inverse::{Inverse, InverseError};
 pub use margins::{ClassicalMargins, GainMargin, Margins, NyquistDistance, PhaseMargin, SmallGain};
 pub use nalgebra::Complex;

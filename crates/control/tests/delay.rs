@@ -1,13 +1,16 @@
 //! Delay margins against closed forms and against a count of unstable roots that never looks for a crossing.
 
+mod winding;
+
 use proptest::prelude::*;
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::PI;
 use teleclay_control::compensators::Sides;
 use teleclay_control::wall::{DelayedWall, critical_stiffness, passive_stiffness};
 use teleclay_control::{
     ClosedLoop, Complex, DelayMargin, DelayedScheme, NoMargin, Polynomial, RationalFunction,
     delay_margin, paper,
 };
+use winding::roots_right_of;
 
 fn polynomial(coefficients: &[f64]) -> Polynomial {
     Polynomial::new(coefficients).unwrap()
@@ -23,33 +26,6 @@ fn sides(c_h1: RationalFunction) -> Sides {
         position_ratio: 1.0,
         force_ratio: -1.0,
     }
-}
-
-/// Roots of `f` right of the line `Re s = shift`, inside a large half disc: the winding number of `f` around it, by
-/// following its phase in small steps.
-fn roots_right_of(f: impl Fn(Complex<f64>) -> Complex<f64>, shift: f64, radius: f64) -> i32 {
-    const STEPS: usize = 400_000;
-    let along_line = |t: f64| {
-        Complex::new(
-            shift,
-            -radius * t.signum() * ((t.abs() * (1.0 + radius).ln()).exp_m1() / radius),
-        )
-    };
-    let along_arc = |angle: f64| Complex::new(shift, 0.0) + Complex::from_polar(radius, angle);
-    let mut turned = 0.0;
-    let mut before = f(along_arc(-PI / 2.0));
-    let mut follow = |s: Complex<f64>| {
-        let now = f(s);
-        turned += (now / before).arg();
-        before = now;
-    };
-    for step in 1..=STEPS {
-        follow(along_arc(-PI / 2.0 + PI * step as f64 / STEPS as f64));
-    }
-    for step in 1..=STEPS {
-        follow(along_line(-1.0 + 2.0 * step as f64 / STEPS as f64));
-    }
-    (turned / TAU).round() as i32
 }
 
 proptest! {

@@ -99,35 +99,61 @@ impl Geometry {
         require_finite("position_m", position_m)?;
         let squared = position_m.norm_squared();
         let mut reaches = [Reach::default(); 3];
-        for (j, (reach, [cosine, sine])) in reaches.iter_mut().zip(&self.directions).enumerate() {
-            let along = position_m.x * cosine + position_m.y * sine;
-            let r = along + self.offset_m;
-            let s = position_m.z;
-            // |d|² with |e| = 1, so that only the component along the arm differs between arms.
-            let d_squared = squared + self.offset_m * (2.0 * along + self.offset_m);
-            let t = (d_squared + self.squares_m2) * self.half_per_upper;
-            let plane = r * r + s * s;
-            let v = plane - t * t;
-            // Squares of a position far beyond any robot overflow, and infinity less infinity is not a number.
-            if !v.is_finite() || v < -ROUNDING * (plane + t * t) {
-                let discriminant_m2 = if v.is_nan() { f64::NEG_INFINITY } else { v };
-                return Err(KinematicsError::Unreachable {
-                    arm: j + 1,
-                    discriminant_m2,
-                });
-            }
-            // With T as small as its own rounding, position and axis cannot be told apart.
-            if plane <= ROUNDING * ROUNDING * (d_squared + self.upper_m * self.upper_m) {
-                return Err(KinematicsError::Indeterminate { arm: j + 1 });
-            }
-            *reach = Reach {
-                r,
-                s,
-                t,
-                root_v: v.max(0.0).sqrt(),
-            };
+        for (j, reach) in reaches.iter_mut().enumerate() {
+            *reach = self.reach(position_m, squared, j)?;
         }
         Ok(reaches)
+    }
+
+    /// Of the arm at `j`, from 0, for a finite position and the square of its length.
+    #[inline(always)]
+    fn reach(
+        &self,
+        position_m: &Vector3<f64>,
+        squared: f64,
+        j: usize,
+    ) -> Result<Reach, KinematicsError> {
+        let [cosine, sine] = self.directions[j];
+        let along = position_m.x * cosine + position_m.y * sine;
+        let r = along + self.offset_m;
+        let s = position_m.z;
+        // |d|² with |e| = 1, so that only the component along the arm differs between arms.
+        let d_squared = squared + self.offset_m * (2.0 * along + self.offset_m);
+        let t = (d_squared + self.squares_m2) * self.half_per_upper;
+        let plane = r * r + s * s;
+        let v = plane - t * t;
+        // Squares of a position far beyond any robot overflow, and infinity less infinity is not a number.
+        if !v.is_finite() || v < -ROUNDING * (plane + t * t) {
+            let discriminant_m2 = if v.is_nan() { f64::NEG_INFINITY } else { v };
+            return Err(KinematicsError::Unreachable {
+                arm: j + 1,
+                discriminant_m2,
+            });
+        }
+        // With T as small as its own rounding, position and axis cannot be told apart.
+        if plane <= ROUNDING * ROUNDING * (d_squared + self.upper_m * self.upper_m) {
+            return Err(KinematicsError::Indeterminate { arm: j + 1 });
+        }
+        Ok(Reach {
+            r,
+            s,
+            t,
+            root_v: v.max(0.0).sqrt(),
+        })
+    }
+
+    /// How the arm at `j`, from 0, bends: its joint angle in (-pi, pi], rad.
+    pub(crate) fn joint_on(
+        &self,
+        position_m: &Vector3<f64>,
+        branch: Branch,
+        j: usize,
+    ) -> Result<f64, KinematicsError> {
+        require_finite("position_m", position_m)?;
+        let reach = self.reach(position_m, position_m.norm_squared(), j)?;
+        let [y, x] = reach.sine_cosine(sign(branch, j));
+        let [angle] = angle::directions(&[y], &[x]);
+        Ok(angle)
     }
 }
 

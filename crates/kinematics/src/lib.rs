@@ -15,11 +15,13 @@
 //! | to do this | call |
 //! |---|---|
 //! | all eight joint sets for a position | [`Geometry::inverse`] |
+//! | where each arm's parts are, whether or not the others reach | [`Geometry::arms`] |
 //! | both positions for a joint set | [`Geometry::forward`] |
 //! | velocities, torques, distance to singularity | [`Geometry::posture`], [`Posture`] |
 //! | where the robot reaches, and how well | [`Geometry::map`] |
 
 mod angle;
+mod arm;
 mod branch;
 mod error;
 mod forward;
@@ -28,6 +30,7 @@ mod inverse;
 mod posture;
 mod workspace;
 
+pub use arm::{Arm, Bend};
 pub use branch::{Assembly, Branch, BranchError};
 pub use error::{KinematicsError, Singularity};
 pub use geometry::{Dimensions, Geometry, GeometryError};

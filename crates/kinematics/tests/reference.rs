@@ -84,3 +84,56 @@ fn solutions_agree_with_the_reference() {
     }
     assert_eq!(cases, 18);
 }
+
+/// Arm by arm: the reference's angles on every branch, links and rods of their lengths, and of a place out of reach the
+/// arms that do not get there.
+#[test]
+fn arms_by_themselves_agree_with_the_reference() {
+    let sets: Value = serde_json::from_str(include_str!("reference/cases.json")).unwrap();
+    let (mut bends, mut short) = (0, 0);
+    for set in sets.as_array().unwrap() {
+        let geometry = geometry(&set["geometry"]);
+        let lengths = geometry.dimensions();
+        for case in set["reachable"].as_array().unwrap() {
+            let position = vector(&case["position_m"]);
+            for branch in Branch::ALL {
+                let wanted = vector(&case["joints_rad"][branch.index()]);
+                for (j, arm) in geometry.arms(&position, branch).into_iter().enumerate() {
+                    let bend = arm.bend.unwrap();
+                    assert!(apart(bend.joint_rad, wanted[j]) < 1e-9, "{case}");
+                    let upper_m = (bend.elbow_m - arm.shoulder_m).norm();
+                    let lower_m = (bend.elbow_m - arm.wrist_m).norm();
+                    assert!((upper_m - lengths.upper_link_m).abs() < 1e-12);
+                    assert!((lower_m - lengths.lower_link_m).abs() < 1e-9);
+                    assert!((arm.shoulder_m.norm() - lengths.base_radius_m).abs() < 1e-12);
+                    let across_m = (arm.wrist_m - position).norm();
+                    assert!((across_m - lengths.platform_radius_m).abs() < 1e-12);
+                    let angle_rad = arm.direction.y.atan2(arm.direction.x);
+                    assert!(apart(angle_rad, lengths.arm_angles_rad[j]) < 1e-12);
+                    bends += 1;
+                }
+            }
+        }
+        for position in set["unreachable_m"].as_array().unwrap() {
+            let arms = geometry.arms(&vector(position), Branch::ALL[0]);
+            let refused: Vec<_> = arms.iter().filter_map(|arm| arm.bend.err()).collect();
+            let first = geometry.inverse(&vector(position)).unwrap_err();
+            assert_eq!(refused.first(), Some(&first));
+            short += refused.len();
+        }
+    }
+    assert_eq!(bends, 18 * 8 * 3);
+    assert!(0 < short);
+}
+
+/// Of three arms the one that is too short is told, and the others bend as they would without it.
+#[test]
+fn an_arm_that_does_not_reach_keeps_none_of_the_others() {
+    let geometry = Geometry::default();
+    let position = Vector3::new(0.3, 0.0, 0.1);
+    let arms = geometry.arms(&position, Branch::ALL[7]);
+    let reaches = arms.map(|arm| arm.bend.is_ok());
+    assert_eq!(reaches, [true, false, false]);
+    let nowhere = geometry.arms(&Vector3::new(f64::NAN, 0.0, 0.0), Branch::ALL[0]);
+    assert!(nowhere.iter().all(|arm| arm.bend.is_err()));
+}

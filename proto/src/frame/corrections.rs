@@ -1,7 +1,7 @@
 //! What corrections of the handle's copy of the clay have done to the hand.
 
 use crate::FrameError;
-use crate::bytes::{Reader, Writer};
+use teleclay_wire::bytes::{Reader, Writer};
 
 /// Bytes on the wire.
 pub(super) const LENGTH: usize = 36;

@@ -1,7 +1,7 @@
 //! A selective acknowledgement: what has come beyond the number up to which everything has.
 
 use crate::FrameError;
-use crate::bytes::{Reader, Writer};
+use teleclay_wire::bytes::{Reader, Writer};
 
 /// Most gaps that one frame names.
 pub const MAX_GAPS: usize = 16;

@@ -6,8 +6,8 @@ use super::{
     Corrections, Gaps, Header, KIND_HANDLE, MAX_FRAME, Sweeps, corrections, header, sweeps,
 };
 use crate::FrameError;
-use crate::bytes::{Reader, Writer};
 use crate::word::words;
+use teleclay_wire::bytes::{Reader, Writer};
 
 /// Bytes before the first sweep.
 pub(super) const FIXED: usize =

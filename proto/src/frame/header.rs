@@ -1,8 +1,8 @@
 //! What both frames begin with.
 
 use super::{MAGIC, VERSION};
-use crate::bytes::{Reader, Writer};
 use crate::{FrameError, Scheme};
+use teleclay_wire::bytes::{Reader, Writer};
 
 /// Bytes of the header, the state byte near its end included.
 pub(super) const LENGTH: usize = 48;

@@ -6,7 +6,7 @@
 use std::fmt;
 
 use crate::FrameError;
-use crate::bytes::{Reader, Writer};
+use teleclay_wire::bytes::{Reader, Writer};
 
 /// Bytes that the sweeps of one frame take at most.
 ///

@@ -4,8 +4,8 @@ use utoipa::ToSchema;
 
 use super::{Gaps, Header, KIND_TOOL, MAX_FRAME, Sweeps, header, sweeps};
 use crate::FrameError;
-use crate::bytes::{Reader, Writer};
 use crate::word::words;
+use teleclay_wire::bytes::{Reader, Writer};
 
 /// Bytes before the first relayed sweep.
 const FIXED: usize = header::LENGTH + 6 * 24 + 8 + 8 + 4 + 4 + 8 + sweeps::HEAD;

@@ -25,8 +25,9 @@ const INDEX: &str = "index.html";
 /// Below this the bundler names files by their content.
 const HASHED: &str = "assets/";
 
-/// Scripts, workers and connections from here and nowhere else. Plots set the sizes of their parts as inline styles.
-const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; \
+/// Scripts, workers and connections from here and nowhere else. WebAssembly may be compiled, JavaScript out of strings
+/// may not. Plots set the sizes of their parts as inline styles.
+const POLICY: &str = "default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; \
      font-src 'self'; connect-src 'self'; worker-src 'self' blob:; manifest-src 'self'; base-uri 'none'; form-action 'none'; \
      frame-ancestors 'none'";
 
@@ -136,6 +137,7 @@ mod tests {
         let (content, kind) = match path {
             "index.html" => ("<!doctype html>", "text/html"),
             "assets/main-1a2b.js" => ("run()", "text/javascript"),
+            "assets/page-3c4d.wasm" => ("\0asm", "application/wasm"),
             "favicon.svg" => ("<svg/>", "image/svg+xml"),
             _ => return None,
         };
@@ -177,6 +179,26 @@ mod tests {
         assert_eq!(header_of(&script, header::CONTENT_TYPE), "text/javascript");
         let icon = ask(built, "GET", "/favicon.svg", &[]);
         assert_eq!(header_of(&icon, header::CACHE_CONTROL), "no-cache");
+    }
+
+    /// A browser compiles a module as it comes in only if it is called one, and in a page that allows it; page and
+    /// worker each have the policy that they came with.
+    #[test]
+    fn a_module_may_be_compiled_and_no_text_may_become_code() {
+        let module = ask(built, "GET", "/assets/page-3c4d.wasm", &[]);
+        assert_eq!(header_of(&module, header::CONTENT_TYPE), "application/wasm");
+        for path in ["/", "/assets/main-1a2b.js"] {
+            let page = ask(built, "GET", path, &[]);
+            let policy = header_of(&page, header::CONTENT_SECURITY_POLICY);
+            let scripts = policy
+                .split("; ")
+                .find(|rule| rule.starts_with("script-src "));
+            assert_eq!(
+                scripts,
+                Some("script-src 'self' 'wasm-unsafe-eval'"),
+                "{path}"
+            );
+        }
     }
 
     #[test]

@@ -36,7 +36,7 @@ pub(crate) fn not_built() -> Response {
         "<p>This server was built without its dashboard, and works all the same: \
          the interface is at <a href=\"api/docs\">/api/docs</a>.</p>\
          <p>To have the dashboard, build it and then the server again; or let one command do both:</p>\
-         <pre>cd client-web\nnpm ci\nnpm run build\ncd ..\ncargo build --release</pre>\
+         <pre>rustup target add wasm32-unknown-unknown\ncd client-web\nnpm ci\nnpm run build\ncd ..\ncargo build --release</pre>\
          <pre>cargo demo</pre>",
     )
 }

@@ -2,7 +2,8 @@
 
 import { computed, signal } from "@preact/signals";
 import type { Branch, RobotGeometry, Triple } from "../../protocol/theory";
-import { armsAt, bestHeight, OUTWARDS } from "../../theory/robot";
+import { bestHeight, OUTWARDS, poseAt, type RobotPose } from "../../theory/robot";
+import { mathematics } from "../mathematics";
 import { theory } from "../store";
 
 /** The server's own default: a robot that fits on a desk. */
@@ -32,7 +33,13 @@ export const byHand_m = signal<Triple>([0, 0, AMID_M]);
 export const byHandle_m = signal<Triple>([0, 0, AMID_M]);
 
 export const position_m = computed((): Triple => (source.value === "live" ? byHandle_m.value : byHand_m.value));
-export const arms = computed(() => armsAt(geometry.value, position_m.value, branch.value));
+let before: RobotPose | undefined;
+/** The robot as it is drawn: of the last dimensions that made a robot. Nothing before the mathematics is there. */
+export const pose = computed((): RobotPose | undefined => {
+  const module = mathematics.value;
+  before = (module === undefined ? undefined : poseAt(module, geometry.value, position_m.value, branch.value)) ?? before;
+  return before;
+});
 
 /** Where the handle's rest is put: of another robot than the desktop one, the most dexterous height on its axis. */
 export const home_m = computed((): Triple => {

@@ -4,11 +4,12 @@
 import { useComputed, useSignal, useSignalEffect } from "@preact/signals";
 import type { JSX } from "preact";
 import type { Branch, Triple } from "../../protocol/theory";
-import { armsAt, BRANCHES } from "../../theory/robot";
+import { BRANCHES, poseAt } from "../../theory/robot";
 import { DASH, fixed, significant } from "../format";
 import { useFrame } from "../frame";
+import { mathematics, mathematicsMissing } from "../mathematics";
 import { live, theory } from "../store";
-import { arms, branch, position_m, source, geometry, workspaceQuestion } from "./model";
+import { branch, geometry, pose, position_m, source, workspaceQuestion } from "./model";
 import { RobotControls } from "./robot_controls";
 import { RobotPicture } from "./robot_picture";
 import { outOfReach, refusalOf, standingOf, type Standing } from "./words";
@@ -27,7 +28,8 @@ export function RobotPage(): JSX.Element {
   });
   useSignalEffect(() => {
     // Beyond its reach there is nothing to ask, and a browser would log each refusal as an error.
-    if (0 < armsAt(geometry.value, settled.value, branch.value).short.length) return;
+    const module = mathematics.value;
+    if (module === undefined || 0 < (poseAt(module, geometry.value, settled.value, branch.value)?.short.length ?? 0)) return;
     theory.inverse.ask({ geometry: geometry.value, position_m: settled.value });
     theory.jacobian.ask({ geometry: geometry.value, position_m: settled.value, branch: branch.value });
   });
@@ -55,13 +57,7 @@ function Joints(): JSX.Element {
   useFrame((now_ms) => {
     if (now_ms - last_ms.peek() < 120) return;
     last_ms.value = now_ms;
-    const { arms: poses, short } = arms.peek();
-    let next = 0;
-    shown.value = [0, 1, 2].map((j) => {
-      if (short.includes(j)) return undefined;
-      next += 1;
-      return poses[next - 1].joint_rad;
-    });
+    shown.value = pose.peek()?.arms.map(({ bend }) => bend?.joint_rad) ?? [];
   });
   return (
     <dl class="forces" aria-label="Joint angles">
@@ -69,7 +65,7 @@ function Joints(): JSX.Element {
         <div key={colour}>
           <dt>arm {j + 1}, ρ<sub>{j + 1}</sub></dt>
           <dd style={{ color: `var(${shown.value.at(j) === undefined ? "--bad" : colour})` }} data-testid={`joint-${j + 1}`}>
-            {shown.value.at(j) === undefined ? "too short" : `${fixed(degrees(shown.value.at(j)), 1)}°`}
+            {shown.value.length === 0 ? DASH : shown.value.at(j) === undefined ? "too short" : `${fixed(degrees(shown.value.at(j)), 1)}°`}
           </dd>
         </div>
       ))}
@@ -91,8 +87,10 @@ function Ramp(): JSX.Element {
 
 function Posture(): JSX.Element {
   const { phase, answer, problem } = theory.jacobian.asked.value;
-  const short = useComputed(() => arms.value.short);
-  const standing: Standing = 0 < short.value.length
+  const short = useComputed(() => pose.value?.short ?? []);
+  const standing: Standing = mathematicsMissing.value !== undefined
+    ? { grade: "bad", text: mathematicsMissing.value }
+    : 0 < short.value.length
     ? { grade: "bad", text: outOfReach(short.value) }
     : phase === "refused" && problem !== undefined
     ? { grade: "bad", text: refusalOf(problem) }
@@ -135,7 +133,7 @@ function Measure({ name, title, test, value, share }: MeasureProps): JSX.Element
 /** All eight solutions; one of them is drawn. */
 function Branches(): JSX.Element {
   const { answer, phase } = theory.inverse.asked.value;
-  const isShort = useComputed(() => 0 < arms.value.short.length);
+  const isShort = useComputed(() => 0 < (pose.value?.short.length ?? 0));
   const rows = phase === "refused" || isShort.value ? undefined : answer?.branches;
   return (
     <section class="panel branches" aria-label="Branches">

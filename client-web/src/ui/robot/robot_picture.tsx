@@ -9,7 +9,7 @@ import { onFrame } from "../frame";
 import { DRAWN, SceneCanvas, type Standing } from "../scene_canvas";
 import { live, theory } from "../store";
 import { isDark } from "../theme";
-import { arms, byHandle_m, geometry, platformAt, position_m, shown, source } from "./model";
+import { byHandle_m, geometry, platformAt, pose, shown, source } from "./model";
 
 const TRAIL_S = 6;
 const TRAIL_STEP_S = 0.02;
@@ -19,8 +19,7 @@ export function RobotPicture(): JSX.Element {
   const standing = useSignal<Standing>(DRAWN);
   const sight = useRef<HTMLDivElement>(null);
   useSignalEffect(() => {
-    const { arms: poses, short } = arms.value;
-    view.value?.setPose({ geometry: geometry.value, position_m: position_m.value, arms: poses, short });
+    if (pose.value !== undefined) view.value?.setPose(pose.value);
   });
   useSignalEffect(() => {
     const { answer } = theory.workspace.asked.value;

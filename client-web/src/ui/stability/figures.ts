@@ -1,20 +1,16 @@
 // Nyquist and Bode as figures: which curve, how much of it, and what is marked in it.
 
 import type { FigureContent, Line, Mark } from "../../plots/figure";
+import type { GainCurve } from "../../protocol/module";
 import type { LoopAnswer } from "../../protocol/theory";
-import { characteristic, loopGain, type LoopParts } from "../../theory/loop";
+import type { DelayedLoop } from "../../theory/loop";
 import { milliseconds } from "../../theory/verdict";
 
 export const LOOPS = ["open", "position_force", "force_exchange"] as const;
 /** `open`: L = P (T_h + rho T_t) of (33), without delay; else what the round trip is in. */
 export type LoopName = (typeof LOOPS)[number];
 
-/** A loop gain along ascending frequencies. */
-export interface Curve {
-  readonly omega_rad_s: readonly number[];
-  readonly re: readonly number[];
-  readonly im: readonly number[];
-}
+export type Curve = GainCurve;
 
 /** Where the gain passes 1. */
 interface Crossover {
@@ -28,12 +24,9 @@ const COLOURS: Record<LoopName, string> = { open: "--accent", position_force: "-
 export const ZOOMS = { near: 1.4, mid: 5, far: 25 } as const;
 export type Zoom = keyof typeof ZOOMS;
 
-export function curveOf(name: LoopName, answer: LoopAnswer, loop: LoopParts, round_trip_s: number): Curve {
-  if (name === "open") return answer.nyquist;
-  const polynomials = characteristic(name, loop);
-  const omega_rad_s = [...frequencies(round_trip_s)];
-  const gains = omega_rad_s.map((omega) => loopGain(polynomials, round_trip_s, omega));
-  return { omega_rad_s, re: gains.map(({ re }) => re), im: gains.map(({ im }) => im) };
+/** Nothing where the curve is the module's, and that is not there. */
+export function curveOf(name: LoopName, answer: LoopAnswer, loop: DelayedLoop | undefined, round_trip_s: number): Curve | undefined {
+  return name === "open" ? answer.nyquist : loop?.curve(name, round_trip_s);
 }
 
 export function nyquist(name: LoopName, curve: Curve, answer: LoopAnswer, zoom: Zoom, at_rad_s: number | undefined): FigureContent {
@@ -130,17 +123,6 @@ export function describeCurve(name: LoopName, curve: Curve, round_trip_s: number
 
 export function frequency(omega_rad_s: number): string {
   return `${omega_rad_s.toPrecision(2)} rad/s = ${(omega_rad_s / (2 * Math.PI)).toPrecision(2)} Hz`;
-}
-
-/** From far below to far above a hand, close enough along the turns of the delay that they are round. */
-function* frequencies(round_trip_s: number): Generator<number> {
-  const turn = 0.05;
-  for (let omega = 1e-2; omega < 1e4;) {
-    yield omega;
-    // Once around takes 2 pi / d; after a hundred turns the curve is a dot.
-    const step = 0 < round_trip_s && omega * round_trip_s < 600 ? turn / round_trip_s : Number.POSITIVE_INFINITY;
-    omega += Math.min(0.012 * omega, step);
-  }
 }
 
 function nearestToMinusOne({ omega_rad_s, re, im }: Curve): number {

@@ -7,6 +7,8 @@ import type { FigurePoint } from "../../plots/figure";
 import { theory } from "../store";
 import { Choice } from "../choice";
 import { FigureView } from "../figure_view";
+import { mathematics, mathematicsMissing } from "../mathematics";
+import { type DelayedLoop, loopOf } from "../../theory/loop";
 import { verdictOf, type Verdict } from "../../theory/verdict";
 import {
   bodeMagnitude, bodePhase, type Curve, curveOf, describeCurve, type LoopName, nyquist, ZOOMS, type Zoom,
@@ -22,10 +24,18 @@ const WORDS: readonly { readonly value: LoopName; readonly text: string; readonl
   { value: "force_exchange", text: "force exchange", title: "−H E exp(−s d) / ((1 + E)(1 + H)): the paper's own, at the slider's round trip" },
 ];
 
+let before: DelayedLoop | undefined;
+/** The loop of the settings; of the last ones that made a loop, where these make none. */
+const delayed = computed((): DelayedLoop | undefined => {
+  const module = mathematics.value;
+  before = (module === undefined ? undefined : loopOf(module, partsOf(settings.value))) ?? before;
+  return before;
+});
+
 /** What there is to say, as soon as there is an answer; it follows the delay without asking again. */
 const verdict = computed((): Verdict | undefined => {
   const { answer } = theory.loop.asked.value;
-  return answer === undefined ? undefined : verdictOf(answer, partsOf(settings.value), round_trip_s.value);
+  return answer === undefined || delayed.value === undefined ? undefined : verdictOf(answer, delayed.value, round_trip_s.value);
 });
 
 export function StabilityPage(): JSX.Element {
@@ -35,7 +45,7 @@ export function StabilityPage(): JSX.Element {
   const at_rad_s = useSignal<number | undefined>(undefined);
   const curve = useComputed((): Curve | undefined => {
     const { answer } = theory.loop.asked.value;
-    return answer === undefined ? undefined : curveOf(loop.value, answer, partsOf(settings.value), round_trip_s.value);
+    return answer === undefined ? undefined : curveOf(loop.value, answer, delayed.value, round_trip_s.value);
   });
   const drawn = <T,>(draw: (curve: Curve, answer: NonNullable<typeof theory.loop.asked.value.answer>) => T): T | undefined => {
     const { answer } = theory.loop.asked.value;
@@ -85,10 +95,10 @@ const ZOOM_NAMES: readonly Zoom[] = ["near", "mid", "far"];
 function Sentence(): JSX.Element {
   const { phase, problem, answer } = theory.loop.asked.value;
   const now = verdict.value;
-  const calm = now?.schemes.every(({ isStable }) => isStable);
+  const calm = mathematicsMissing.value === undefined ? now?.schemes.every(({ isStable }) => isStable) : false;
   return (
     <section class="panel sentence" aria-live="polite" data-calm={calm}>
-      <p class="headline" data-testid="verdict">{now?.headline ?? (phase === "away" ? "The server does not answer." : "Asking the server …")}</p>
+      <p class="headline" data-testid="verdict" role={mathematicsMissing.value === undefined ? undefined : "alert"}>{now?.headline ?? mathematicsMissing.value ?? (phase === "away" ? "The server does not answer." : "Asking the server …")}</p>
       {now?.schemes.map(({ scheme, because, isStable }) => (
         <p key={scheme} class="because" data-stable={isStable}>
           <i class={`dash ${scheme}`} aria-hidden="true" /> {because}

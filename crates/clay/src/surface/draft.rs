@@ -3,23 +3,14 @@
 use std::collections::BTreeMap;
 
 use crate::clay::Clay;
-use crate::field::{BrickView, SOLID};
 use crate::grid::{BRICK_EDGE, BrickIndex, Grid};
 
 use super::Mesh;
-use super::cell::{Configuration, Corners, Loops, MOST_LOOPS, Vertex, edge_number};
+use super::cell::{Vertex, edge_number};
+use super::window::{CELLS, CELLS_IN_ALL, HALO, NO_VERTEX, Window};
 
-/// Layers of voxels around a brick: its cells reach one beyond it, and what is across their faces another one.
-const HALO: usize = 2;
-/// Voxels along an edge of a brick with its halo.
-const EDGE: usize = BRICK_EDGE + 2 * HALO;
-/// Cells along an edge of a brick: one more than voxels, as they lie between them.
-const CELLS: usize = BRICK_EDGE + 1;
-const CELLS_IN_ALL: usize = CELLS * CELLS * CELLS;
 /// Cells that are the last along an axis in a brick.
 const SEAM_CELLS: usize = BRICK_EDGE * BRICK_EDGE;
-/// Of a loop that has no vertex yet.
-const NO_VERTEX: u32 = u32::MAX;
 
 /// Vertices, and quadrilaterals between them.
 #[derive(Default)]
@@ -30,7 +21,7 @@ pub(super) struct Draft {
 }
 
 /// Vertices of the cells between bricks, which more bricks than one come upon.
-struct Seams {
+pub(super) struct Seams {
     /// Bricks along x, y, z, with one more before each first one: the air there has cells, too.
     counts: [usize; 3],
     /// For each brick the cells that are its last along x, then along y, then along z: first loops.
@@ -48,17 +39,6 @@ pub(super) struct Extent {
     pub(super) area: f64,
 }
 
-/// A brick with its halo.
-struct Window {
-    /// The brick's first voxel.
-    first: [i16; 3],
-    occupancies: Box<[[[u8; EDGE]; EDGE]; EDGE]>,
-    /// Which of them count as clay: a bit for each voxel along x.
-    clay: Box<[[u32; EDGE]; EDGE]>,
-    /// Vertices of the cells' first loops, then of their second ones, and so on.
-    vertices: Vec<u32>,
-}
-
 impl Draft {
     /// The whole surface, when voxels count as clay from an occupancy on.
     pub(super) fn of(clay: &Clay, clay_from: u8) -> Self {
@@ -66,8 +46,9 @@ impl Draft {
         let mut seams = Seams::new(clay.grid());
         let mut window = Window::empty();
         for index in bricks(clay) {
-            if window.look_at(clay, index, clay_from) {
-                draft.add(clay, &mut window, Some(&mut seams), index);
+            let at = clay.grid().brick_coordinates(index);
+            if window.look_at(clay, at, clay_from) {
+                draft.add(&mut window, Some(&mut seams), at, [0; 3]);
             }
         }
         draft
@@ -77,37 +58,53 @@ impl Draft {
     pub(super) fn of_brick(clay: &Clay, index: BrickIndex, clay_from: u8) -> Self {
         let mut draft = Self::default();
         let mut window = Window::empty();
-        if window.look_at(clay, index, clay_from) {
-            draft.add(clay, &mut window, None, index);
+        let at = clay.grid().brick_coordinates(index);
+        if window.look_at(clay, at, clay_from) {
+            draft.add(&mut window, None, at, [0; 3]);
         }
         draft
     }
 
-    fn add(
+    /// Forgets everything, and keeps the memory.
+    pub(super) fn clear(&mut self) {
+        self.vertices.clear();
+        self.quads.iter_mut().for_each(Vec::clear);
+    }
+
+    pub(super) fn vertices(&self) -> &[Vertex] {
+        &self.vertices
+    }
+
+    /// Adds what belongs to the brick at these coordinates, which the window shows: all but the layers of edges along
+    /// each axis that are left out, a bit for each by their first voxels' place in the window.
+    pub(super) fn add(
         &mut self,
-        clay: &Clay,
         window: &mut Window,
         mut seams: Option<&mut Seams>,
-        index: BrickIndex,
+        at: [u16; 3],
+        left_out: [u32; 3],
     ) {
         window.vertices.fill(NO_VERTEX);
-        let lowest = clay
-            .grid()
-            .brick_coordinates(index)
-            .map(|at| HALO - usize::from(at == 0));
+        let lowest = lowest_edges(at);
         for axis in 0..3 {
             // Where the grid begins, the edges from the air before it are this brick's, too.
             let mut from = [HALO; 3];
             from[axis] = lowest[axis];
-            for z in from[2]..HALO + BRICK_EDGE {
-                for y in from[1]..HALO + BRICK_EDGE {
+            let is_left_out =
+                |along: usize, place: usize| axis == along && left_out[axis] >> place & 1 == 1;
+            let mut columns = bits(from[0], HALO + BRICK_EDGE);
+            if axis == 0 {
+                columns &= !left_out[0];
+            }
+            for z in (from[2]..HALO + BRICK_EDGE).filter(|&z| !is_left_out(2, z)) {
+                for y in (from[1]..HALO + BRICK_EDGE).filter(|&y| !is_left_out(1, y)) {
                     let here = window.clay[z][y];
                     let there = match axis {
                         0 => here >> 1,
                         1 => window.clay[z][y + 1],
                         _ => window.clay[z + 1][y],
                     };
-                    let mut changes = (here ^ there) & bits(from[0], HALO + BRICK_EDGE);
+                    let mut changes = (here ^ there) & columns;
                     while changes != 0 {
                         let x = changes.trailing_zeros() as usize;
                         changes &= changes - 1;
@@ -119,7 +116,7 @@ impl Draft {
     }
 
     /// The quadrilateral about the edge from a voxel to the next one along an axis.
-    fn add_quad(
+    pub(super) fn add_quad(
         &mut self,
         window: &mut Window,
         mut seams: Option<&mut Seams>,
@@ -144,7 +141,7 @@ impl Draft {
     }
 
     /// The vertex of a cell's loop through one of its edges.
-    fn vertex(
+    pub(super) fn vertex(
         &mut self,
         window: &mut Window,
         seams: Option<&mut Seams>,
@@ -213,7 +210,7 @@ impl Draft {
     }
 
     /// Places of all vertices, in voxels from the centre of the grid's first one.
-    fn place(&self, shift: f32, places: &mut Vec<[f32; 3]>) {
+    pub(super) fn place(&self, shift: f32, places: &mut Vec<[f32; 3]>) {
         places.clear();
         places.extend(self.vertices.iter().map(|vertex| {
             let within = vertex.within(shift);
@@ -221,7 +218,7 @@ impl Draft {
         }));
     }
 
-    fn triangles(&self, places: &[[f32; 3]]) -> impl Iterator<Item = [u32; 3]> {
+    pub(super) fn triangles(&self, places: &[[f32; 3]]) -> impl Iterator<Item = [u32; 3]> {
         (0..3).flat_map(move |axis| {
             let quads = self.quads[axis].iter();
             quads.flat_map(move |quad| halved(*quad, axis, places))
@@ -288,119 +285,15 @@ impl Seams {
     }
 }
 
-impl Window {
-    fn empty() -> Self {
-        Self {
-            first: [0; 3],
-            occupancies: Box::new([[[0; EDGE]; EDGE]; EDGE]),
-            clay: Box::new([[0; EDGE]; EDGE]),
-            vertices: vec![NO_VERTEX; MOST_LOOPS * CELLS_IN_ALL],
-        }
-    }
-
-    /// Takes in a brick and its halo; `false` if no edge that belongs to it leads from clay to air.
-    fn look_at(&mut self, clay: &Clay, index: BrickIndex, clay_from: u8) -> bool {
-        let at = clay.grid().brick_coordinates(index);
-        let views = std::array::from_fn(|number| {
-            let brick = [number % 3, number / 3 % 3, number / 9];
-            let brick: [_; 3] =
-                std::array::from_fn(|axis| (at[axis] + brick[axis] as u16).checked_sub(1));
-            match brick {
-                [Some(x), Some(y), Some(z)] => {
-                    let index = clay.grid().brick_at([x, y, z]);
-                    index.map_or(BrickView::Empty, |index| clay.brick(index))
-                }
-                _ => BrickView::Empty,
-            }
-        });
-        if has_no_surface(&views, at.contains(&0)) {
-            return false;
-        }
-        self.first = at.map(|at| at as i16 * BRICK_EDGE as i16);
-        for z in 0..EDGE {
-            let (brick_z, voxel_z) = brick_and_voxel(z);
-            for y in 0..EDGE {
-                let (brick_y, voxel_y) = brick_and_voxel(y);
-                let row = &mut self.occupancies[z][y];
-                let first = (voxel_z * BRICK_EDGE + voxel_y) * BRICK_EDGE;
-                for (brick_x, (from, until)) in PARTS.into_iter().enumerate() {
-                    let part = &mut row[from..until];
-                    match views[(brick_z * 3 + brick_y) * 3 + brick_x] {
-                        BrickView::Empty => part.fill(0),
-                        BrickView::Full => part.fill(SOLID),
-                        BrickView::Voxels(voxels) => {
-                            let (_, voxel_x) = brick_and_voxel(from);
-                            let first = first + voxel_x;
-                            part.copy_from_slice(&voxels[first..first + until - from]);
-                        }
-                    }
-                }
-                self.clay[z][y] = row.iter().enumerate().fold(0, |clay, (x, &occupancy)| {
-                    clay | u32::from(clay_from <= occupancy) << x
-                });
-            }
-        }
-        true
-    }
-
-    /// Which corners of a cell are clay.
-    fn corners(&self, [x, y, z]: [usize; 3]) -> Corners {
-        let pair = |z: usize, y: usize| (self.clay[z][y] >> x & 0b11) as u8;
-        pair(z, y) | pair(z, y + 1) << 2 | pair(z + 1, y) << 4 | pair(z + 1, y + 1) << 6
-    }
-
-    fn occupancies_at(&self, [x, y, z]: [usize; 3]) -> [u8; 8] {
-        std::array::from_fn(|corner| {
-            self.occupancies[z + (corner >> 2)][y + (corner >> 1 & 1)][x + (corner & 1)]
-        })
-    }
-
-    /// The loops of a cell: a face that it and the cell beyond find pinched is decided the other way.
-    fn loops(&self, cell: [usize; 3], corners: Corners) -> &'static Loops {
-        let configuration = Configuration::at(corners);
-        let Some(face) = configuration.pinched() else {
-            return configuration.clay_apart();
-        };
-        let (axis, is_high) = (usize::from(face / 2), face & 1 == 1);
-        let mut beyond = cell;
-        beyond[axis] = if is_high {
-            cell[axis] + 1
-        } else {
-            cell[axis] - 1
-        };
-        if Configuration::at(self.corners(beyond)).pinched() == Some(face ^ 1) {
-            configuration.air_apart()
-        } else {
-            configuration.clay_apart()
-        }
-    }
-}
-
-/// Where a row of a window passes from one brick to the next.
-const PARTS: [(usize, usize); 3] = [
-    (0, HALO),
-    (HALO, HALO + BRICK_EDGE),
-    (HALO + BRICK_EDGE, EDGE),
-];
-
-/// In which of three bricks in a row a place of a window is, and where in the brick.
-const fn brick_and_voxel(at: usize) -> (usize, usize) {
-    let at = at + BRICK_EDGE - HALO;
-    (at / BRICK_EDGE, at % BRICK_EDGE)
-}
-
-/// Whether a brick, the three beyond it and, where the grid begins, the air before it are all clay or all air.
-fn has_no_surface(views: &[BrickView<'_>; 27], is_first: bool) -> bool {
-    const MIDDLE: usize = 13;
-    let here = views[MIDDLE];
-    !matches!(here, BrickView::Voxels(_))
-        && [1, 3, 9].iter().all(|step| views[MIDDLE + step] == here)
-        && (here == BrickView::Empty || !is_first)
-}
-
 fn bricks(clay: &Clay) -> impl Iterator<Item = BrickIndex> {
     let grid = *clay.grid();
     (0..grid.brick_count() as u32).filter_map(move |dense| grid.brick_index(dense))
+}
+
+/// Where in a window the edges along each axis that belong to the brick at these coordinates begin: one before the
+/// brick where the grid begins, as those from the air before it are the brick's, too.
+pub(super) fn lowest_edges(at: [u16; 3]) -> [usize; 3] {
+    at.map(|at| HALO - usize::from(at == 0))
 }
 
 /// A word with the bits from one up to, and without, another.

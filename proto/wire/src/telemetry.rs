@@ -1,8 +1,8 @@
 //! Samples of the loop, in batches.
 
-use super::{Kind, MAX_MESSAGE, PREFIX, read_prefix_of, write_prefix};
 use crate::FrameError;
 use crate::bytes::Reader;
+use crate::{Kind, MAX_MESSAGE, PREFIX, read_prefix_of, write_prefix};
 
 /// Bytes before the first sample.
 const FIXED: usize = PREFIX + 24;

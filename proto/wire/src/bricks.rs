@@ -1,9 +1,9 @@
 //! Bricks of the clay: all of them, or those that changed.
 
-use super::pack::{BRICK_VOXELS, MAX_PACKED, PackedBrick, pack};
-use super::{Kind, PREFIX, read_prefix_of, write_prefix};
 use crate::FrameError;
 use crate::bytes::Reader;
+use crate::pack::{BRICK_VOXELS, MAX_PACKED, PackedBrick, pack};
+use crate::{Kind, PREFIX, read_prefix_of, write_prefix};
 
 /// Bytes before the first brick.
 const FIXED: usize = PREFIX + 20;
@@ -237,7 +237,7 @@ pub struct BricksWriter {
 }
 
 impl BricksWriter {
-    /// Starts on messages of at most `longest` bytes, such as [`MAX_MESSAGE`](super::MAX_MESSAGE); one brick is written
+    /// Starts on messages of at most `longest` bytes, such as [`MAX_MESSAGE`](crate::MAX_MESSAGE); one brick is written
     /// whatever its length. The first message has the header's sequence number, each further one the next.
     #[must_use]
     pub fn new(header: BricksHeader, longest: usize) -> Self {
