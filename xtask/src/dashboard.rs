@@ -8,8 +8,8 @@ use std::process::Command;
 use std::thread;
 
 use anyhow::{Context, Result, ensure};
+use teleclay_rules::files::files_of_ours;
 
-use crate::files::files_of_ours;
 use crate::process::{answer, command, run_quietly};
 use crate::tools::install_wasm_target;
 use crate::workspace::{root, target};

@@ -8,7 +8,6 @@
 
 mod dashboard;
 mod demo;
-mod files;
 mod process;
 mod promtool;
 mod python;

@@ -14,10 +14,10 @@ use axum::http::uri::Authority;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, Uri, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
+use teleclay_front::{Peer, Tries};
 use tower_http::cors::CorsLayer;
 
 use super::problem::{Failure, HOST, HOST_MISSING, ORIGIN, TOKEN, TOO_MANY_TRIES};
-use super::visitors::{Peer, Tries};
 use super::{Api, ApiConfig};
 
 /// What stands before a token among the subprotocols of a WebSocket.

@@ -11,8 +11,6 @@
 //! | [`problem`] | every way to fail |
 //! | [`body`] | what comes in, checked |
 //! | [`http_metrics`] | what the interface counts of itself |
-//! | [`listener`], [`stall`], [`linger`] | connections: how long, how much may wait in them, how they end |
-//! | [`visitors`] | who is connected: how many connections an address may hold, how many wrong tokens it may show |
 //!
 //! A request passes, from the outside in: headers for the answer, the count, a net for panics, the time limit, host and
 //! origin, and under `/api/v1` the token. Whatever fails anywhere answers with a problem.
@@ -25,17 +23,13 @@ mod docs;
 mod guard;
 mod health;
 mod http_metrics;
-mod linger;
-mod listener;
 mod metrics;
 mod openapi;
 mod pages;
 mod problem;
 mod sessions;
-mod stall;
 mod stream;
 mod theory;
-mod visitors;
 
 use std::any::Any;
 use std::sync::Arc;
@@ -47,6 +41,7 @@ use axum::extract::{DefaultBodyLimit, OriginalUri, Request};
 use axum::http::{HeaderName, HeaderValue, Method, header};
 use axum::middleware::{Next, from_fn, from_fn_with_state};
 use axum::response::{IntoResponse, Response};
+use teleclay_front::Tries;
 use tokio::sync::Semaphore;
 use tokio::time::timeout;
 use tower_http::catch_panic::CatchPanicLayer;
@@ -57,11 +52,10 @@ use self::body::MAX_BODY;
 use self::http_metrics::HttpMetrics;
 use self::problem::{Failure, INTERNAL, METHOD, NO_ANSWER, path_of};
 use self::theory::ComputePool;
-use self::visitors::Tries;
 use crate::directory::Directory;
 
 pub use self::config::ApiConfig;
-pub use self::listener::{bind, serve};
+pub use teleclay_front::{bind, serve};
 
 /// Streams that may be open at once, of all sessions: at 2 Mbit/s each, what a fast wired link carries.
 const MAX_WATCHERS: usize = 64;

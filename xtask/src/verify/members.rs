@@ -1,22 +1,13 @@
 //! What the manifests of this workspace say.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use anyhow::{Context, Result};
 use serde_json::Value;
+use teleclay_rules::Member;
 
 use crate::process::{answer, command};
 use crate::workspace::cargo;
-
-/// One crate of ours.
-pub(super) struct Member {
-    /// The package's name.
-    pub(super) name: String,
-    /// Where it lies.
-    pub(super) folder: PathBuf,
-    /// The names by which its sources can use other packages.
-    pub(super) dependencies: Vec<String>,
-}
 
 /// The crates of ours, as cargo reads their manifests.
 pub(super) fn members() -> Result<Vec<Member>> {

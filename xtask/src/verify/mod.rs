@@ -1,14 +1,9 @@
 //! `cargo verify`: every check of every language, in the order in which a mistake shows soonest.
 
-mod citations;
 mod docker;
 mod golden;
-mod imports;
-mod links;
 mod members;
-mod source;
 mod steps;
-mod unused;
 
 use std::time::{Duration, Instant};
 

@@ -3,7 +3,9 @@
 use anyhow::{Result, ensure};
 
 use super::members::members;
-use super::{citations, docker, golden, imports, links, source, unused};
+use super::{docker, golden};
+use teleclay_rules::{citations, imports, links, source, unused};
+
 use crate::dashboard::npm;
 use crate::demo::PROGRAMS;
 use crate::process::{answer, command, run};
@@ -63,7 +65,7 @@ fn format() -> Result<()> {
 fn source_step() -> Result<()> {
     let mut wrong = source::check(root())?;
     wrong.extend(imports::check(&members()?)?);
-    wrong.extend(unused::check(&members()?)?);
+    wrong.extend(unused::check(root(), &members()?)?);
     report("against the rules", wrong)
 }
 

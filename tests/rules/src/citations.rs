@@ -8,7 +8,7 @@ use anyhow::{Result, ensure};
 use crate::files::{files_of_ours, read};
 
 /// What is cited and not listed, one sentence each.
-pub(super) fn check(root: &Path) -> Result<Vec<String>> {
+pub fn check(root: &Path) -> Result<Vec<String>> {
     let (_, page) = read(root, &root.join("docs/papers.md"))?;
     let listed = listed(&page);
     ensure!(!listed.is_empty(), "docs/papers.md lists no paper");

@@ -6,11 +6,11 @@ use std::path::Path;
 
 use anyhow::{Result, ensure};
 
-use super::members::Member;
+use crate::Member;
 use crate::files::{files_of_ours, read};
 
 /// Circles, one sentence each.
-pub(super) fn check(members: &[Member]) -> Result<Vec<String>> {
+pub fn check(members: &[Member]) -> Result<Vec<String>> {
     let mut circles = BTreeSet::new();
     let mut modules = 0;
     for member in members {

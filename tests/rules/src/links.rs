@@ -10,7 +10,7 @@ use anyhow::{Context, Result, ensure};
 use crate::files::{NOT_OURS, files_of_ours, read};
 
 /// What leads nowhere, one sentence each.
-pub(super) fn check(root: &Path) -> Result<Vec<String>> {
+pub fn check(root: &Path) -> Result<Vec<String>> {
     let root = root
         .canonicalize()
         .with_context(|| format!("{} does not exist", root.display()))?;

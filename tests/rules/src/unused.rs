@@ -1,22 +1,23 @@
 //! Finds dependencies that no source of their package names.
 
+use std::path::Path;
+
 use anyhow::{Result, ensure};
 
-use super::members::Member;
+use crate::Member;
 use crate::files::{files_of_ours, read};
-use crate::workspace::root;
 
 /// Dependencies that are there for their features alone; the manifest says why.
 const NAMED_FOR_FEATURES: [&str; 1] = ["regex-syntax"];
 
 /// Dependencies that nobody uses, one sentence each.
-pub(super) fn check(members: &[Member]) -> Result<Vec<String>> {
+pub fn check(root: &Path, members: &[Member]) -> Result<Vec<String>> {
     ensure!(!members.is_empty(), "the workspace has no members");
     let mut wrong = Vec::new();
     for member in members {
         let mut sources = String::new();
         for file in files_of_ours(&member.folder, &["rs"])? {
-            sources.push_str(&read(root(), &file)?.1);
+            sources.push_str(&read(root, &file)?.1);
         }
         let used = member.dependencies.iter().map(String::as_str);
         let used = used.filter(|name| !NAMED_FOR_FEATURES.contains(name));
@@ -24,7 +25,7 @@ pub(super) fn check(members: &[Member]) -> Result<Vec<String>> {
             unnamed(&sources, used).map(|name| format!("{}: {name} is not used", member.name)),
         );
     }
-    let (_, manifest) = read(root(), &root().join("Cargo.toml"))?;
+    let (_, manifest) = read(root, &root.join("Cargo.toml"))?;
     let shared = manifest
         .split("[workspace.dependencies]\n")
         .nth(1)

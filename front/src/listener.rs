@@ -19,9 +19,9 @@ use tokio::sync::watch;
 use tokio::time::{sleep, timeout};
 use tower::ServiceExt as _;
 
-use super::linger::{Lingering, Patience};
-use super::stall::Impatient;
-use super::visitors::{Peer, Visit, Visitors};
+use crate::linger::{Lingering, Patience};
+use crate::stall::Impatient;
+use crate::visitors::{Peer, Visit, Visitors};
 
 /// Bytes that the operating system may hold for a reader, about half a second of a watcher's budget. It would otherwise
 /// grow to megabytes, and a slow watcher would see the clay of half a minute ago. Linux takes the double, for its own

@@ -14,7 +14,7 @@ const PROSE_COLUMNS: usize = 120;
 const FILE_LINES: usize = 600;
 
 /// What is against the rules, one sentence each.
-pub(super) fn check(root: &Path) -> Result<Vec<String>> {
+pub fn check(root: &Path) -> Result<Vec<String>> {
     let files = files_of_ours(root, &["rs", "ts", "tsx", "md"])?;
     ensure!(
         !files.is_empty(),

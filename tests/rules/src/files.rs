@@ -16,7 +16,7 @@ pub(crate) const NOT_OURS: [&str; 6] = [
 ];
 
 /// Every file below `root` with one of these extensions, or every file when none is named, sorted.
-pub(crate) fn files_of_ours(root: &Path, extensions: &[&str]) -> Result<Vec<PathBuf>> {
+pub fn files_of_ours(root: &Path, extensions: &[&str]) -> Result<Vec<PathBuf>> {
     let mut left = vec![root.to_owned()];
     let mut files = Vec::new();
     while let Some(folder) = left.pop() {

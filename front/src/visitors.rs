@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 use tokio::sync::Notify;
 
 /// Connections at once, of everybody. Each watcher has one, and each page a handful besides.
-pub(super) const MOST: usize = 512;
+pub(crate) const MOST: usize = 512;
 /// Of these, so many are for this machine alone: who looks after a server must reach it.
 const FOR_LOOPBACK: usize = 32;
 /// Connections of one address.
@@ -28,11 +28,11 @@ const MOST_COUNTED: usize = 4096;
 
 /// The address at the other end of a request's connection.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Peer(pub(crate) IpAddr);
+pub struct Peer(pub IpAddr);
 
 /// Everybody who is connected.
 #[derive(Debug, Default)]
-pub(super) struct Visitors {
+pub(crate) struct Visitors {
     visits: Mutex<Visits>,
 }
 
@@ -58,7 +58,7 @@ struct Leave {
 }
 
 /// One connection. Dropping it makes room.
-pub(super) struct Visit {
+pub(crate) struct Visit {
     visitors: Arc<Visitors>,
     number: u64,
     leave: Arc<Leave>,
@@ -67,7 +67,7 @@ pub(super) struct Visit {
 impl Visitors {
     /// A connection comes from `address`; nothing where it cannot be kept. Another that asks for nothing may have to go
     /// for it.
-    pub(super) fn arrive(self: &Arc<Self>, address: IpAddr) -> Option<Visit> {
+    pub(crate) fn arrive(self: &Arc<Self>, address: IpAddr) -> Option<Visit> {
         let address = canonical(address);
         let mut visits = self.visits();
         let of_it = visits.held.values().filter(|held| held.address == address);
@@ -128,7 +128,7 @@ impl Visits {
 
 impl Visit {
     /// Something is asked.
-    pub(super) fn asks(&self) {
+    pub(crate) fn asks(&self) {
         self.leave.has_asked.store(true, Ordering::Relaxed);
         if let Some(held) = self.visitors.visits().held.get_mut(&self.number) {
             held.silent_since = None;
@@ -136,7 +136,7 @@ impl Visit {
     }
 
     /// It was answered.
-    pub(super) fn is_answered(&self) {
+    pub(crate) fn is_answered(&self) {
         let mut visits = self.visitors.visits();
         let now = visits.next;
         visits.next += 1;
@@ -146,7 +146,7 @@ impl Visit {
     }
 
     /// Waits until it is to make room; whether anything was ever asked on it.
-    pub(super) async fn must_leave(&self) -> bool {
+    pub(crate) async fn must_leave(&self) -> bool {
         self.leave.asked.notified().await;
         self.leave.has_asked.load(Ordering::Relaxed)
     }
@@ -160,11 +160,11 @@ impl Drop for Visit {
 
 /// Wrong tokens, address by address: a bucket each that fills with time.
 #[derive(Debug, Default)]
-pub(crate) struct Tries(Mutex<HashMap<IpAddr, Instant>>);
+pub struct Tries(Mutex<HashMap<IpAddr, Instant>>);
 
 impl Tries {
     /// How long an address must wait before a token of its is looked at; nothing if it need not.
-    pub(crate) fn wait(&self, now: Instant, peer: Option<Peer>) -> Option<Duration> {
+    pub fn wait(&self, now: Instant, peer: Option<Peer>) -> Option<Duration> {
         let tries = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         // The instant at which all is forgotten lies further ahead the more was tried.
         let forgotten = *tries.get(&canonical(peer?.0))?;
@@ -174,7 +174,7 @@ impl Tries {
     }
 
     /// It was a wrong one.
-    pub(crate) fn count(&self, now: Instant, peer: Option<Peer>) {
+    pub fn count(&self, now: Instant, peer: Option<Peer>) {
         let Some(Peer(address)) = peer else { return };
         let mut tries = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let forgotten = tries.entry(canonical(address)).or_insert(now);

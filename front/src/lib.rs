@@ -1,0 +1,16 @@
+//! How HTTP connections come in, and how they end, whatever is asked on them.
+//!
+//! | module | holds |
+//! |---|---|
+//! | `listener` | accepting, and a connection from its first byte to its last |
+//! | `visitors` | who is connected: how many connections an address may hold, how many wrong tokens it may show |
+//! | `stall` | connections whose other end has stopped reading |
+//! | `linger` | connections that are closed so that the other end can read what was said last |
+
+mod linger;
+mod listener;
+mod stall;
+mod visitors;
+
+pub use listener::{bind, serve};
+pub use visitors::{Peer, Tries};
