@@ -4,6 +4,7 @@
 //! machine gives to a program that does nothing else. Times are quantiles of many repetitions; compare rows of one run,
 //! not runs of two days.
 
+mod channel;
 mod compute;
 mod network;
 mod punctuality;
@@ -66,6 +67,7 @@ fn run(arguments: &Arguments) -> anyhow::Result<()> {
     };
     add("clay", compute::clay()?);
     add("loop", compute::tool_side()?);
+    add("channel", channel::rows());
     add("robot", robot::rows()?);
     add("virtual time", compute::virtual_time()?);
     add("1 kHz thread", punctuality::rows()?);

@@ -10,6 +10,7 @@ use teleclay_handle::device::{
 use teleclay_handle::event::Event;
 use teleclay_handle::intent::Intent;
 use teleclay_handle::run::{Ending, OpenDevice, Options, Until};
+use teleclay_handle::status::Status;
 use teleclay_proto::{RealmName, SessionId};
 use teleclay_shell::Drift;
 use teleclay_shell::ticker::Scheduling;
@@ -208,16 +209,12 @@ impl Holder {
     }
 
     /// A status that `pick` wants.
-    pub(crate) async fn feels(
-        &mut self,
-        what: &str,
-        pick: impl Fn(&teleclay_handle::status::Status) -> bool,
-    ) {
+    pub(crate) async fn feels(&mut self, what: &str, pick: impl Fn(&Status) -> bool) -> Status {
         self.tells(what, |event| match event {
-            Event::Status(status) if pick(status) => Some(()),
+            Event::Status(status) if pick(status) => Some(Status::clone(status)),
             _ => None,
         })
-        .await;
+        .await
     }
 
     /// Lets go, and tells how it ended.

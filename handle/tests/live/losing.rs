@@ -10,11 +10,12 @@ use std::time::{Duration, Instant};
 
 use teleclay_handle::device::DeviceCommand;
 use teleclay_handle::event::Event;
+use teleclay_handle::status::Status;
 use teleclay_proto::frame::LoopStatus;
 use teleclay_proto::join::{JoinReply, LoopParameters, RefusalCode};
 
 use super::holder::{Holder, Quirks, Told};
-use super::server::{Door, PUSH_N, Seen, Server, Speech, free_endpoint, parameters};
+use super::server::{Door, PUSH_N, Seen, Server, Speech, free_endpoint, keys, parameters};
 
 /// Two ramps of 50 ticks run at once at most, the watchdog's and the status's: 2/50 of the push in a tick.
 const FORCE_STEP_N: f64 = PUSH_N * 2.0 / 50.0 + 1e-9;
@@ -343,4 +344,36 @@ async fn a_device_that_is_lost_ends_the_run_and_gives_the_lease_back() {
             (seen == Seen::Leave(1)).then_some(())
         })
         .await;
+}
+
+/// Anybody can show the session's sign of life and take it away. What is true shows in the frames.
+#[tokio::test(flavor = "multi_thread")]
+async fn a_server_that_is_said_to_be_gone_is_believed_once_it_is_silent() {
+    let endpoint = free_endpoint();
+    let server = Server::start(&endpoint, &["lab"], 1).await;
+    let mut holder = Holder::start(&endpoint, Quirks::default());
+    felt(&mut holder).await;
+    for _ in 0..3 {
+        let sign = server.slow.liveliness().declare_token(keys().alive());
+        let sign = sign.await.unwrap();
+        let received = |least: u64| move |status: &Status| least <= status.received;
+        let so_far = holder.feels("frames", received(1)).await.received;
+        holder.feels("more", received(so_far + 1)).await;
+        sign.undeclare().await.unwrap();
+        let status = holder.feels("and more", received(so_far + 1500)).await;
+        assert_eq!(status.joins, 1, "it was let go of");
+    }
+    let sign = server.slow.liveliness().declare_token(keys().alive());
+    let sign = sign.await.unwrap();
+    let received = |status: &Status| 0 < status.received;
+    holder.feels("frames", received).await;
+    server.speak(Speech::Silence);
+    sign.undeclare().await.unwrap();
+    holder
+        .tells("that the server has gone", |event| {
+            matches!(event, Event::ServerGone).then_some(())
+        })
+        .await;
+    server.speak(Speech::Frames);
+    holder.ends().await.outcome.unwrap();
 }
