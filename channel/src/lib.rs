@@ -6,8 +6,8 @@
 //! | [`challenge`] | what a join must name, so that one overheard before is worth nothing |
 //! | [`seal`] | the trailer by which a message under a lease is known to come from the other side, once |
 //!
-//! The handshake is Noise's `NNpsk0`, <https://noiseprotocol.org/noise.html>, the trailer the tag of
-//! ChaCha20-Poly1305, RFC 8439. proto/SPEC.md has the bytes.
+//! The handshake is Noise's `NNpsk0`, <https://noiseprotocol.org/noise.html>, the trailer that
+//! of HMAC-SHA-256, RFC 2104. proto/SPEC.md has the bytes.
 
 pub mod challenge;
 mod forged;

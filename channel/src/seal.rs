@@ -5,8 +5,8 @@
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 
-use chacha20poly1305::aead::AeadInPlace;
-use chacha20poly1305::{ChaCha20Poly1305, KeyInit, Nonce, Tag};
+use hmac::{Hmac, Mac};
+use sha2::Sha256;
 
 use crate::forged::Forged;
 use crate::handshake::Keys;
@@ -38,8 +38,8 @@ const PURPOSES: usize = 6;
 
 /// One side's end of a lease. Any thread may use it; none waits for longer than another takes to note a number.
 pub struct Channel {
-    own: ChaCha20Poly1305,
-    other: ChaCha20Poly1305,
+    own: Hmac<Sha256>,
+    other: Hmac<Sha256>,
     numbers: [AtomicU64; PURPOSES],
     windows: [Mutex<Window>; PURPOSES],
 }
@@ -59,8 +59,8 @@ impl Channel {
 
     fn new(own: &[u8; 32], other: &[u8; 32]) -> Self {
         Self {
-            own: ChaCha20Poly1305::new(own.into()),
-            other: ChaCha20Poly1305::new(other.into()),
+            own: keyed(own),
+            other: keyed(other),
             numbers: [const { AtomicU64::new(0) }; PURPOSES],
             windows: [const { Mutex::new(Window::new()) }; PURPOSES],
         }
@@ -72,16 +72,16 @@ impl Channel {
     /// After 2⁶⁴ messages.
     #[must_use]
     pub fn trailer(&self, purpose: Purpose, message: &[u8]) -> [u8; TRAILER] {
+        self.trailer_over(purpose, [message])
+    }
+
+    fn trailer_over<const N: usize>(&self, purpose: Purpose, parts: [&[u8]; N]) -> [u8; TRAILER] {
         let number = self.numbers[place(purpose)].fetch_add(1, Ordering::Relaxed);
-        // A number never comes twice under one key.
         let number = number.checked_add(1).expect("no lease lasts so long");
-        let tag = self
-            .own
-            .encrypt_in_place_detached(&nonce(purpose, number), message, &mut [])
-            .expect("a message is far below the cipher's limit");
+        let tag = covering(&self.own, purpose, number, parts).finalize();
         let mut trailer = [0; TRAILER];
         trailer[..8].copy_from_slice(&number.to_le_bytes());
-        trailer[8..].copy_from_slice(&tag);
+        trailer[8..].copy_from_slice(&tag.into_bytes()[..TAG]);
         trailer
     }
 
@@ -91,7 +91,7 @@ impl Channel {
     /// # Errors
     /// It did not, or it does not.
     pub fn open<'a>(&self, purpose: Purpose, sealed: &'a [u8]) -> Result<&'a [u8], Forged> {
-        let (message, number) = self.verify(purpose, sealed, |message| message.into())?;
+        let (message, number) = self.verify(purpose, &[], sealed)?;
         let mut window = self.windows[place(purpose)]
             .lock()
             .unwrap_or_else(PoisonError::into_inner);
@@ -118,8 +118,7 @@ impl Channel {
     /// As [`trailer`](Self::trailer) does.
     #[must_use]
     pub fn seal_answer(&self, purpose: Purpose, question: &[u8], answer: &[u8]) -> Vec<u8> {
-        let covered = [question, answer].concat();
-        let trailer = self.trailer(purpose, &covered);
+        let trailer = self.trailer_over(purpose, [question, answer]);
         [answer, &trailer[..]].concat()
     }
 
@@ -134,28 +133,22 @@ impl Channel {
         sealed: &'a [u8],
     ) -> Result<&'a [u8], Forged> {
         // An answer that comes twice says the same twice: the question is never asked again.
-        let (answer, _) =
-            self.verify(purpose, sealed, |answer| [question, answer].concat().into())?;
+        let (answer, _) = self.verify(purpose, question, sealed)?;
         Ok(answer)
     }
 
     fn verify<'a>(
         &self,
         purpose: Purpose,
+        question: &[u8],
         sealed: &'a [u8],
-        covered: impl FnOnce(&'a [u8]) -> std::borrow::Cow<'a, [u8]>,
     ) -> Result<(&'a [u8], u64), Forged> {
         let too_short = Forged::TooShort { got: sealed.len() };
         let (rest, tag) = sealed.split_last_chunk::<TAG>().ok_or(too_short)?;
         let (message, number) = rest.split_last_chunk::<8>().ok_or(too_short)?;
         let number = u64::from_le_bytes(*number);
-        self.other
-            .decrypt_in_place_detached(
-                &nonce(purpose, number),
-                &covered(message),
-                &mut [],
-                Tag::from_slice(tag),
-            )
+        covering(&self.other, purpose, number, [question, message])
+            .verify_truncated_left(tag)
             .map_err(|_| Forged::Unauthentic)?;
         Ok((message, number))
     }
@@ -171,10 +164,22 @@ const fn place(purpose: Purpose) -> usize {
     purpose as usize - 1
 }
 
-/// The purpose, three zeros, and the number: never twice the same under one key.
-fn nonce(purpose: Purpose, number: u64) -> Nonce {
-    let mut nonce = [0; 12];
-    nonce[0] = purpose as u8;
-    nonce[4..].copy_from_slice(&number.to_le_bytes());
-    nonce.into()
+fn keyed(key: &[u8; 32]) -> Hmac<Sha256> {
+    Hmac::new_from_slice(key).expect("a key may have any length")
+}
+
+/// What a tag is made of: the purpose, the number, and what it covers.
+fn covering<const N: usize>(
+    key: &Hmac<Sha256>,
+    purpose: Purpose,
+    number: u64,
+    parts: [&[u8]; N],
+) -> Hmac<Sha256> {
+    let mut mac = key.clone();
+    mac.update(&[purpose as u8]);
+    mac.update(&number.to_le_bytes());
+    for part in parts {
+        mac.update(part);
+    }
+    mac
 }
