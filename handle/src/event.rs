@@ -246,9 +246,9 @@ impl fmt::Display for Event {
                 )
             }
             Self::Paused => f.write_str("the session is paused: force released until it goes on"),
-            Self::SessionFault => {
-                f.write_str("the session is in fault: force released until its clay is reset")
-            }
+            Self::SessionFault => f.write_str(
+                "the tool is in fault: force released until it is joined anew or its clay is reset",
+            ),
             Self::RoundFinished { rounds } => {
                 write!(f, "round {rounds} is finished: asking for fresh clay")
             }

@@ -44,7 +44,7 @@ words! {
         WrongEpoch = 4 "wrong_epoch",
         /// The session is paused.
         Paused = 5 "paused",
-        /// The session is in fault.
+        /// The tool is in fault.
         Fault = 6 "fault",
     }
 }

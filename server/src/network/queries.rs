@@ -25,11 +25,8 @@ use crate::doors::LeaseChannel;
 
 /// Longer questions are not read: a join has a tenth of it.
 const LONGEST_QUESTION: usize = 16 * 1024;
-/// Questions that are worked on at once, of one session; more than as many again are not heard.
-const AT_ONCE: usize = 8;
-const WAITING: usize = 256;
-/// Snapshots that are on their way at once: each is the whole clay, and waits for its reader.
-const SNAPSHOTS_AT_ONCE: usize = 2;
+/// The end of a key on which the clay is asked for.
+const SNAPSHOT: &str = "/clay/snapshot";
 /// A question that has waited for so long is forgotten: whoever asked has given up.
 const PATIENCE: Duration = Duration::from_secs(10);
 
@@ -42,14 +39,43 @@ pub(super) enum Line {
     Slow,
 }
 
+/// Questions of one kind: so many are worked on at once, so many have a place, and others are not heard. A question
+/// that is worked on may wait for its asker to read, so kinds that strangers can hold up do not share with others.
+struct Desk {
+    turns: Semaphore,
+    places: Arc<Semaphore>,
+}
+
+impl Desk {
+    fn new(at_once: usize, places: usize) -> Self {
+        Self {
+            turns: Semaphore::new(at_once),
+            places: Arc::new(Semaphore::new(places)),
+        }
+    }
+}
+
 /// What is needed for an answer.
 struct Office {
     realm: RealmName,
     directory: Directory,
     line: Line,
-    at_once: Semaphore,
-    snapshots: Semaphore,
-    waiting: Arc<Semaphore>,
+    /// The whole clay, for whoever names no lease.
+    looks: Desk,
+    /// The whole clay, for holders of tools.
+    snapshots: Desk,
+    others: Desk,
+}
+
+impl Office {
+    fn desk(&self, query: &Query) -> &Desk {
+        let asks_for_clay = query.key_expr().as_str().ends_with(SNAPSHOT);
+        match query.payload() {
+            _ if !asks_for_clay => &self.others,
+            Some(payload) if !payload.is_empty() => &self.snapshots,
+            _ => &self.looks,
+        }
+    }
 }
 
 pub(super) async fn answer_queries(
@@ -63,15 +89,14 @@ pub(super) async fn answer_queries(
         realm: realm.clone(),
         directory,
         line,
-        at_once: Semaphore::new(AT_ONCE),
-        snapshots: Semaphore::new(SNAPSHOTS_AT_ONCE),
-        waiting: Arc::new(Semaphore::new(WAITING)),
+        looks: Desk::new(2, 16),
+        snapshots: Desk::new(8, 32),
+        others: Desk::new(8, 256),
     });
     session
         .declare_queryable(keys::everything_in(realm))
         .callback(move |query: Query| {
-            // Too many wait already: this one is answered by nobody.
-            let Ok(place) = Arc::clone(&office.waiting).try_acquire_owned() else {
+            let Ok(place) = Arc::clone(&office.desk(&query).places).try_acquire_owned() else {
                 return;
             };
             let office = Arc::clone(&office);
@@ -123,16 +148,9 @@ impl Office {
             leaf,
             payload,
         };
-        let Ok(_turn) = self.at_once.acquire().await else {
+        let Ok(_turn) = self.desk(&query).turns.acquire().await else {
             return;
         };
-        if leaf == Leaf::ClaySnapshot {
-            let Ok(_turn) = self.snapshots.acquire().await else {
-                return;
-            };
-            let parts = self.under_lease(&asked).await;
-            return self.reply(query, &key, parts).await;
-        }
         let parts = match leaf {
             Leaf::Challenge => vec![json(&self.challenge(&asked))],
             Leaf::Join => self.join(&key, &asked).await.iter().map(json).collect(),

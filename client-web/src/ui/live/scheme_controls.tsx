@@ -50,7 +50,7 @@ const REFUSAL_WORDS: Record<ToolState["refusal"], string> = {
   wrong_owner: "meant for an earlier server of the session",
   wrong_epoch: "in an earlier block of clay",
   paused: "while the session was paused",
-  fault: "while the session was in fault",
+  fault: "while the tool was in fault",
 };
 
 /** What the copy is good for, and what it hides. */

@@ -139,7 +139,7 @@ pub(super) fn tool_frames() -> Value {
         "cases": [
             case("a tool at rest", &ToolFrame::default()),
             case("every field", &every_field),
-            case("a session in fault", &fault),
+            case("a tool in fault", &fault),
         ],
     })
 }

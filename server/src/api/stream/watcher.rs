@@ -3,6 +3,7 @@
 use std::pin::Pin;
 use std::time::{Duration, Instant};
 
+use axum::body::Bytes;
 use axum::extract::ws::{CloseFrame, Message, Utf8Bytes, WebSocket, close_code};
 use teleclay_proto::http::Session;
 use teleclay_proto::watch::{ClientText, Level, ServerText, Switch};
@@ -15,6 +16,7 @@ use tokio_tungstenite::tungstenite;
 use super::MAX_INCOMING;
 use super::bricks::Follower;
 use super::budget::Budget;
+use super::heartbeat::{Due, Heartbeat};
 use super::telemetry::Batcher;
 use crate::api::problem::{Failure, SYNTAX, TOO_LARGE};
 use crate::api::sessions::change_failure;
@@ -46,6 +48,8 @@ pub(super) enum End {
     Lost,
     /// The watcher did not read for too long.
     Slow,
+    /// The watcher gave no sign of life for too long.
+    Silent,
     /// The session has ended.
     Deleted,
     /// The watcher sent a message that was too long.
@@ -63,6 +67,7 @@ impl End {
             Self::Left => "left",
             Self::Lost => "lost",
             Self::Slow => "slow",
+            Self::Silent => "silent",
             Self::Deleted => "session-ended",
             Self::TooLong => "too-long",
             Self::NotText => "not-text",
@@ -82,7 +87,12 @@ impl End {
                 Some(TOO_LARGE.because(format!("the message has more than {MAX_INCOMING} bytes")))
             }
             Self::NotText => Some(SYNTAX.because("a text message came that is not UTF-8")),
-            Self::Left | Self::Lost | Self::Slow | Self::Deleted | Self::Protocol => None,
+            Self::Left
+            | Self::Lost
+            | Self::Slow
+            | Self::Silent
+            | Self::Deleted
+            | Self::Protocol => None,
         }
     }
 
@@ -91,6 +101,7 @@ impl End {
         let (code, reason) = match self {
             Self::Left | Self::Lost => return None,
             Self::Slow => (4408, "messages were not read for ten seconds"),
+            Self::Silent => (4408, "pings were not answered for 25 seconds"),
             Self::Deleted => (4404, "the session has ended"),
             Self::TooLong => (close_code::SIZE, "messages have at most 16384 bytes"),
             Self::NotText => (close_code::INVALID, "text messages are UTF-8"),
@@ -120,6 +131,7 @@ pub(super) struct Watcher {
     /// One at a time; until it is answered nothing more is read.
     change: Option<Change>,
     ticks_to_state: u32,
+    heartbeat: Heartbeat,
 }
 
 impl Watcher {
@@ -136,6 +148,7 @@ impl Watcher {
             wants_bricks: Switch::Off,
             change: None,
             ticks_to_state: TICKS_PER_STATE,
+            heartbeat: Heartbeat::new(Instant::now()),
         }
     }
 
@@ -184,6 +197,7 @@ impl Watcher {
                 // Whoever asks for so much that the answers use up the share is heard more slowly.
                 message = socket.recv(), if self.change.is_none() && self.budget.may_hear() => {
                     self.budget.on_request();
+                    self.heartbeat.on_heard(Instant::now());
                     let message = message.ok_or(End::Left)?.map_err(end_of)?;
                     self.on_message(socket, message).await?;
                 }
@@ -200,6 +214,11 @@ impl Watcher {
             return Err(End::Deleted);
         }
         self.budget.refill(Instant::now());
+        match self.heartbeat.due(Instant::now()) {
+            Due::Nothing => {}
+            Due::Ping => self.send(socket, Message::Ping(Bytes::new())).await?,
+            Due::Goodbye => return Err(End::Silent),
+        }
         if let Some(samples) = &mut self.samples {
             for ready in self.telemetry.drain(samples) {
                 self.api.metrics().count_dropped(ready.dropped);
