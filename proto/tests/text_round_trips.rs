@@ -215,18 +215,18 @@ fn every_word_is_read_as_it_is_written() {
 
 #[test]
 fn a_reply_is_one_of_two_and_has_nothing_extra() {
-    let refused = br#"{"outcome":"refused","code":"fault","reason":"force was NaN"}"#;
+    let refused = br#"{"outcome":"refused","code":"busy","reason":"the loop is late"}"#;
     let reply = JoinReply::Refused {
         code: RefusalCode::Busy,
-        reason: "force was NaN".to_owned(),
+        reason: "the loop is late".to_owned(),
     };
     assert_eq!(parse(refused), Ok(reply));
     for bad in [
-        r#"{"outcome":"refused","code":"fault","reason":"","lease":1}"#,
+        r#"{"outcome":"refused","code":"busy","reason":"","lease":1}"#,
         r#"{"outcome":"refused","code":"boredom","reason":""}"#,
         r#"{"outcome":"granted"}"#,
         r#"{"outcome":"left"}"#,
-        r#"{"code":"fault","reason":""}"#,
+        r#"{"code":"busy","reason":""}"#,
     ] {
         assert!(parse::<JoinReply>(bad.as_bytes()).is_err(), "{bad}");
     }

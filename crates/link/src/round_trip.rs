@@ -15,10 +15,6 @@ const SLOTS: usize = 8;
 /// Greatest change of the offset estimate, seconds a second: five times a poor crystal's error.
 const SLEW_PER_SECOND: f64 = 500e-6;
 
-/// A far side that has echoed nothing newer for this long does not hear this one, though its own frames come: half a
-/// second is beyond the jitter of any line that a loop runs over.
-pub const UNHEARD: Duration = Duration::from_millis(500);
-
 #[derive(Clone, Copy, Debug)]
 struct Exchange {
     round_trip_ns: u64,
@@ -41,8 +37,6 @@ pub fn of_exchange(now: Timestamp, echo_ns: u64, echo_hold_ns: u32) -> Option<Du
 #[derive(Clone, Debug, Default)]
 pub struct RoundTrip {
     peer: Option<(u64, Timestamp)>,
-    /// The newest stamp of ours that came back, and when it first did.
-    echo: Option<(u64, Timestamp)>,
     last: Option<Duration>,
     slots: [Option<Exchange>; SLOTS],
     exchanges: u32,
@@ -62,10 +56,6 @@ impl RoundTrip {
         echo_hold_ns: u32,
     ) -> Option<Duration> {
         self.peer = Some((sent_ns, now));
-        let is_ours = 0 < echo_ns && echo_ns <= now.as_nanos();
-        if is_ours && self.echo.is_none_or(|(newest_ns, _)| newest_ns < echo_ns) {
-            self.echo = Some((echo_ns, now));
-        }
         let round_trip = of_exchange(now, echo_ns, echo_hold_ns)?;
         let round_trip_ns = round_trip.as_nanos() as u64;
         self.last = Some(round_trip);
@@ -79,12 +69,6 @@ impl RoundTrip {
         });
         self.slew(now);
         Some(round_trip)
-    }
-
-    /// Whether the far side hears this one, as far as can be told: once it has echoed anything, it goes on to.
-    pub fn is_heard(&self, now: Timestamp) -> bool {
-        self.echo
-            .is_none_or(|(_, since)| now.since(since) < UNHEARD)
     }
 
     /// The stamp to echo at `now` and how long it was held, nanoseconds; zeros when there is none.

@@ -84,10 +84,7 @@ impl HandleSide {
         if self.watchdog.is_stalled() {
             self.controller.on_news_again();
         }
-        // A far side that does not hear this one answers nothing that was done of late: that is silence, too.
-        if self.round_trip.is_heard(now) {
-            self.watchdog.on_frame(now);
-        }
+        self.watchdog.on_frame(now);
         self.status = frame.status;
         self.frame.header.clay_epoch = header.clay_epoch;
         self.frame.header.revision = header.revision;

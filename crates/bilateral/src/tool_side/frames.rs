@@ -80,10 +80,7 @@ impl ToolSide {
         if self.watchdog.is_stalled() {
             self.controller.on_news_again();
         }
-        // A far side that does not hear this one answers nothing that was done of late: that is silence, too.
-        if self.round_trip.is_heard(now) {
-            self.watchdog.on_frame(now);
-        }
+        self.watchdog.on_frame(now);
         self.follow_engagement(now, frame.engagement);
         self.handle
             .on_frame(frame, self.model.watchdog.silence.as_secs_f64());
