@@ -86,6 +86,9 @@ struct Replay {
     ticks: usize,
 }
 
+/// The force of a copy that was stale comes back by the ramp, 50 ticks.
+const RETURN_TICKS: u32 = 50;
+
 /// Sweeps a fresh block of the session along the way that the handle wrote down, but for where its copy was felt only,
 /// until the pause. Before it has a copy the server's tool follows it; at home, where nobody moves yet.
 fn replay(session: &Session, rows: &[Row]) -> Replay {
@@ -99,11 +102,14 @@ fn replay(session: &Session, rows: &[Row]) -> Replay {
     };
     let mut contact = ContactState::default();
     let (mut squares, mut greatest_n, mut ticks) = (0.0, 0.0_f64, 0);
+    let mut since_stale = u32::MAX / 2;
     let pause = rows.iter().position(|row| row.link_state == "paused");
     for pair in rows[..pause.expect("it ended with a pause")].windows(2) {
         if pair[1].copy == "stale" {
+            since_stale = 0;
             continue;
         }
+        since_stale += 1;
         let [from_m, to_m]: [[f64; 3]; 2] = [place_m(&pair[0]), place_m(&pair[1])];
         let velocity: [f64; 3] = std::array::from_fn(|axis| (to_m[axis] - from_m[axis]) / 1e-3);
         let [from, to] = [from_m, to_m].map(|at_m| Pose::quantise(at_m).unwrap());
@@ -116,9 +122,11 @@ fn replay(session: &Session, rows: &[Row]) -> Replay {
             pair[1].felt_force_n[1] - answer_n[1],
             0.0,
         ]);
-        squares += error_n * error_n;
-        greatest_n = greatest_n.max(norm([answer_n[0], answer_n[1], 0.0]));
-        ticks += 1;
+        if RETURN_TICKS < since_stale {
+            squares += error_n * error_n;
+            greatest_n = greatest_n.max(norm([answer_n[0], answer_n[1], 0.0]));
+            ticks += 1;
+        }
         // What `work` cut is the sweep from place to place; a sweep again changes nothing, as cuts have no order and no
         // count.
         let again = Sweep {
