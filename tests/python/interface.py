@@ -227,6 +227,16 @@ def check_token(interface, guarded):
         interface.expect(answer, {200} if is_open else {401})
     answer = interface.send("GET", "/api/v1/sessions", headers={"Authorization": f"Bearer {TOKEN}"}, address=guarded)
     interface.expect(answer, {200})
+    # Twenty wrong ones are looked at, and then one a second.
+    for path, method, operation in interface.operations():
+        if operation.get("security") == [{}]:
+            continue
+        for _ in range(30):
+            wrong = {"Authorization": "Bearer another token, as long"}
+            answer = interface.send(method, path.replace("{id}", "none"), headers=wrong, address=guarded)
+            interface.expect(answer, {401, 429})
+            if answer.status == 429:
+                break
 
 
 def check_bounds(interface, bodies):
