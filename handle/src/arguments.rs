@@ -40,7 +40,7 @@ pub struct Arguments {
     /// Who holds the handle, for people to read (default: USER@HOST)
     #[arg(long, value_name = "NAME", value_parser = operator)]
     pub operator: Option<String>,
-    /// The server's token, when it asks for one
+    /// The server's token, when it asks for one; with it, no server is joined that does not know it
     #[arg(long, env = "TELECLAY_TOKEN", hide_env_values = true)]
     pub token: Option<String>,
     /// The device: simulated (the paper's servos, one per axis) or robot (the same on the three arms of the parallel

@@ -1,5 +1,7 @@
 //! What came, what was lost, what came twice. Force and pose want the newest frame only; the counts go on display.
 
+use crate::safety::{Flaw, Implausible};
+
 /// How a frame relates to those before it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Arrival {
@@ -63,6 +65,20 @@ pub struct Arrivals {
 }
 
 impl Arrivals {
+    /// Whether a number is one that a frame sent at `sent_ns` can have.
+    ///
+    /// # Errors
+    /// It [leaps](Self::leaps).
+    pub fn check_sequence(&self, sent_ns: u64, sequence: u32) -> Result<(), Implausible> {
+        if self.leaps(sent_ns, sequence) {
+            return Err(Implausible {
+                field: "sequence",
+                flaw: Flaw::TooLarge,
+            });
+        }
+        Ok(())
+    }
+
     /// Whether a number is so far ahead that nobody can have sent as many frames until `sent_ns`, on the sender's
     /// clock: a peer that is taken at its word there is not heard again for days. Arrival does not tell: what queued up
     /// comes at once, with gaps.

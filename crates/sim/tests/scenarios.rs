@@ -298,6 +298,8 @@ fn one_bad_frame_costs_one_frame() {
             let now = troubled.now();
             let mut up = troubled.handle().frame().clone();
             let mut down = *troubled.session().side(0).unwrap().frame();
+            // Nothing else of a bad frame is taken over either.
+            down.header.ownership_epoch += 1;
             match millisecond % 4 {
                 0 => up.hand_force_n[1] = f64::NAN,
                 1 => down.position_m[0] = f64::INFINITY,

@@ -3,7 +3,7 @@
 //! An answer waits for whoever asked to read it, so every one is put by a thread that may wait, and only so many wait
 //! at once. The session that frames fly on answers nothing that is long.
 
-use std::sync::{Arc, mpsc};
+use std::sync::Arc;
 use std::time::Duration;
 
 use teleclay_channel::Purpose;
@@ -55,28 +55,6 @@ impl Desk {
     }
 }
 
-/// A question. Its end is told when it is dropped, and that may wait for the asker to read; so one that is let go of
-/// ends on a thread that has nothing else to do.
-struct Held {
-    query: Option<Query>,
-    bin: mpsc::Sender<Query>,
-}
-
-impl Held {
-    fn query(&self) -> &Query {
-        self.query.as_ref().expect("it is taken once, at the end")
-    }
-}
-
-impl Drop for Held {
-    fn drop(&mut self) {
-        if let Some(query) = self.query.take() {
-            // Without that thread the server ends.
-            let _ = self.bin.send(query);
-        }
-    }
-}
-
 /// What is needed for an answer.
 struct Office {
     realm: RealmName,
@@ -115,25 +93,15 @@ pub(super) async fn answer_queries(
         snapshots: Desk::new(8, 32),
         others: Desk::new(8, 256),
     });
-    let (bin, unanswered) = mpsc::channel::<Query>();
-    std::thread::Builder::new()
-        .name("query-bin".to_owned())
-        .spawn(move || unanswered.into_iter().for_each(drop))?;
     session
         .declare_queryable(keys::everything_in(realm))
         .callback(move |query: Query| {
-            // Zenoh's own thread, on which frames come and go: nothing here may wait.
-            let held = Held {
-                query: Some(query),
-                bin: bin.clone(),
-            };
-            let places = &office.desk(held.query()).places;
-            let Ok(place) = Arc::clone(places).try_acquire_owned() else {
+            let Ok(place) = Arc::clone(&office.desk(&query).places).try_acquire_owned() else {
                 return;
             };
             let office = Arc::clone(&office);
             runtime.spawn(async move {
-                let _ = tokio::time::timeout(PATIENCE, office.answer(held)).await;
+                let _ = tokio::time::timeout(PATIENCE, office.answer(query)).await;
                 drop(place);
             });
         })
@@ -149,8 +117,7 @@ struct Asked {
 }
 
 impl Office {
-    async fn answer(&self, held: Held) {
-        let query = held.query();
+    async fn answer(&self, query: Query) {
         let Ok(Key {
             session: keys,
             leaf,
@@ -172,7 +139,7 @@ impl Office {
                     Leaf::Join => json(&SealedReply::Refused { code, reason }),
                     _ => return,
                 };
-                return self.reply(held, &keys.key(leaf), vec![reply]).await;
+                return self.reply(query, &keys.key(leaf), vec![reply]).await;
             }
         };
         let key = keys.key(leaf);
@@ -181,7 +148,7 @@ impl Office {
             leaf,
             payload,
         };
-        let Ok(_turn) = self.desk(query).turns.acquire().await else {
+        let Ok(_turn) = self.desk(&query).turns.acquire().await else {
             return;
         };
         let parts = match leaf {
@@ -189,7 +156,7 @@ impl Office {
             Leaf::Join => self.join(&key, &asked).await.iter().map(json).collect(),
             _ => self.under_lease(&asked).await,
         };
-        self.reply(held, &key, parts).await;
+        self.reply(query, &key, parts).await;
     }
 
     fn challenge(&self, asked: &Asked) -> ChallengeReply {
@@ -248,11 +215,9 @@ impl Office {
     }
 
     /// Hands the parts of an answer over. Blocks a thread that may block, for as long as the asker does not read.
-    async fn reply(&self, mut held: Held, key: &str, parts: Vec<Vec<u8>>) {
+    async fn reply(&self, query: Query, key: &str, parts: Vec<Vec<u8>>) {
         let key = key.to_owned();
-        let query = held.query.take();
         let replied = tokio::task::spawn_blocking(move || {
-            let query = query.expect("it is taken once, at the end");
             for part in parts {
                 query.reply(key.as_str(), part).wait()?;
             }

@@ -3,7 +3,7 @@
 use teleclay_link::Vec3;
 use teleclay_link::arrivals::Arrival;
 use teleclay_link::freshness::Age;
-use teleclay_link::safety::{Flaw, Implausible, Measure, check};
+use teleclay_link::safety::{Measure, check};
 use teleclay_link::scheme::HandlePort;
 use teleclay_link::time::Timestamp;
 use teleclay_proto::frame::{CopyState, Corrections, Gaps, Sweeps, ToolFrame};
@@ -17,11 +17,10 @@ impl HandleSide {
     /// in a queue only the facts count.
     pub fn handle_frame(&mut self, now: Timestamp, frame: &ToolFrame) {
         let header = &frame.header;
-        let own = &mut self.frame.header;
+        let own = &self.frame.header;
         if header.lease != own.lease || is_after(own.ownership_epoch, header.ownership_epoch) {
             return;
         }
-        own.ownership_epoch = header.ownership_epoch;
         let outside = [
             ("position_m", Measure::Position, &frame.position_m[..]),
             ("velocity_m_s", Measure::Velocity, &frame.velocity_m_s),
@@ -30,13 +29,9 @@ impl HandleSide {
             ("wave_integral", Measure::Sum, &frame.wave_integral),
             ("energy_in_j", Measure::Sum, &frame.energy_in_j),
         ];
-        let leap = Implausible {
-            field: "sequence",
-            flaw: Flaw::TooLarge,
-        };
         let is_plausible = check(&outside).and_then(|()| {
-            let leaps = self.arrivals.leaps(header.sent_ns, header.sequence);
-            if leaps { Err(leap) } else { Ok(()) }
+            self.arrivals
+                .check_sequence(header.sent_ns, header.sequence)
         });
         if let Err(fault) = is_plausible {
             self.arrivals.on_implausible();
@@ -47,6 +42,7 @@ impl HandleSide {
             return;
         }
         self.persistence.on_plausible();
+        self.frame.header.ownership_epoch = header.ownership_epoch;
         let arrival = self.arrivals.on_sequence(header.sent_ns, header.sequence);
         let is_at_rest = self.watchdog.gain() <= 0.0;
         let age = match arrival {

@@ -2,7 +2,7 @@
 
 use teleclay_link::arrivals::Arrival;
 use teleclay_link::freshness::Age;
-use teleclay_link::safety::{Flaw, Implausible, Measure, check};
+use teleclay_link::safety::{Measure, check};
 use teleclay_link::time::Timestamp;
 use teleclay_proto::frame::{Engagement, HandleFrame, LoopStatus, SweepRefusal};
 
@@ -43,13 +43,9 @@ impl ToolSide {
             ),
             ("corrections", Measure::Sum, &scalars),
         ];
-        let leap = Implausible {
-            field: "sequence",
-            flaw: Flaw::TooLarge,
-        };
         let is_plausible = check(&outside).and_then(|()| {
-            let leaps = self.arrivals.leaps(header.sent_ns, header.sequence);
-            if leaps { Err(leap) } else { Ok(()) }
+            self.arrivals
+                .check_sequence(header.sent_ns, header.sequence)
         });
         if let Err(fault) = is_plausible {
             self.arrivals.on_implausible();
