@@ -16,8 +16,18 @@ const OVERHEAD: usize = 48;
 pub const LONGEST_PAYLOAD: usize = 65_535 - OVERHEAD;
 
 /// What both sides know before they meet.
-#[derive(Clone, PartialEq, Eq)]
+#[derive(Clone)]
 pub struct Secret([u8; 32]);
+
+impl PartialEq for Secret {
+    /// Takes as long wherever two secrets differ.
+    fn eq(&self, other: &Self) -> bool {
+        let pairs = self.0.iter().zip(&other.0);
+        std::hint::black_box(pairs.fold(0, |all, (a, b)| all | (a ^ b))) == 0
+    }
+}
+
+impl Eq for Secret {}
 
 impl Secret {
     /// The secret that a token stands for.
@@ -27,6 +37,18 @@ impl Secret {
         hash.update(b"teleclay token 1");
         hash.update(token.as_bytes());
         Self(hash.finalize().into())
+    }
+
+    /// As it was [kept](Self::as_bytes).
+    #[must_use]
+    pub const fn from_bytes(bytes: [u8; 32]) -> Self {
+        Self(bytes)
+    }
+
+    /// To be kept where nobody else reads: whoever has it can join, though the token cannot be had from it.
+    #[must_use]
+    pub const fn as_bytes(&self) -> &[u8; 32] {
+        &self.0
     }
 
     /// What everybody knows: the secret of a server that asks for none. Keys are still new for each join, and whoever

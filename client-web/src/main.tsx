@@ -3,6 +3,7 @@ import { App } from "./ui/app";
 import { loadMathematics } from "./ui/mathematics";
 import { followAddress } from "./ui/pages";
 import { start } from "./ui/store";
+import { takeToken } from "./ui/token";
 import "./ui/style/theme.css";
 import "./ui/style/shell.css";
 import "./ui/style/live.css";
@@ -11,6 +12,7 @@ import "./ui/style/theory.css";
 import { followTheme } from "./ui/theme";
 
 followTheme();
+takeToken();
 followAddress();
 start();
 void loadMathematics();

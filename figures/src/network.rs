@@ -132,10 +132,7 @@ async fn publisher(
 pub(crate) fn echo_zenoh(endpoint: &str) -> anyhow::Result<()> {
     use zenoh::Wait as _;
     runtime()?.block_on(async {
-        let endpoints = Endpoints {
-            listen: vec![endpoint.to_owned()],
-            connect: Vec::new(),
-        };
+        let endpoints = Endpoints::listening(endpoint.parse()?);
         let session = open(&endpoints).await?;
         let back = publisher(&session, "figures/pong").await?;
         let _echo = session
@@ -156,10 +153,7 @@ fn zenoh_round_trips() -> anyhow::Result<Vec<u64>> {
     let _echo = myself(&["--echo-zenoh", ZENOH_ECHO])?;
     let runtime = runtime()?;
     runtime.block_on(async {
-        let endpoints = Endpoints {
-            listen: Vec::new(),
-            connect: vec![ZENOH_ECHO.to_owned()],
-        };
+        let endpoints = Endpoints::connecting(ZENOH_ECHO.parse()?);
         let session = open(&endpoints).await?;
         let out = publisher(&session, "figures/ping").await?;
         let (arrived, arrivals) = std::sync::mpsc::channel();

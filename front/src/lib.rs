@@ -3,14 +3,17 @@
 //! | module | holds |
 //! |---|---|
 //! | `listener` | accepting, and a connection from its first byte to its last |
+//! | `security` | connections that are encrypted, and what they show of the server |
 //! | `visitors` | who is connected: how many connections an address may hold, how many wrong tokens it may show |
 //! | `stall` | connections whose other end has stopped reading |
 //! | `linger` | connections that are closed so that the other end can read what was said last |
 
 mod linger;
 mod listener;
+mod security;
 mod stall;
 mod visitors;
 
 pub use listener::{bind, serve};
+pub use security::{Security, SecurityError};
 pub use visitors::{Peer, Tries};

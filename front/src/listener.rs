@@ -4,7 +4,7 @@ use std::io;
 use std::net::SocketAddr;
 use std::pin::pin;
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use axum::Router;
@@ -14,12 +14,14 @@ use hyper::server::conn::http1;
 use hyper::service::service_fn;
 use hyper_util::rt::{TokioIo, TokioTimer};
 use socket2::SockRef;
+use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::{TcpListener, TcpSocket, TcpStream};
 use tokio::sync::watch;
 use tokio::time::{sleep, timeout};
 use tower::ServiceExt as _;
 
 use crate::linger::{Lingering, Patience};
+use crate::security::{self, Security};
 use crate::stall::Impatient;
 use crate::visitors::{Peer, Visit, Visitors};
 
@@ -63,9 +65,29 @@ pub fn bind(listen: SocketAddr) -> io::Result<TcpListener> {
     socket.listen(BACKLOG)
 }
 
-/// Serves until `stop` is done, then lets requests under way finish for a few seconds. Streams do not hold it up.
-pub async fn serve(listener: TcpListener, router: Router, stop: impl Future<Output = ()>) {
+/// What is served, and how.
+#[derive(Clone)]
+struct House {
+    router: Router,
+    security: Option<Security>,
+    /// For whoever asks in the clear where that is not served.
+    elsewhere: Router,
+}
+
+/// Serves until `stop` is done, then lets requests under way finish for a few seconds. Streams do not hold it up. With
+/// `security` everything is encrypted, and whoever asks in the clear is sent on.
+pub async fn serve(
+    listener: TcpListener,
+    router: Router,
+    security: Option<Security>,
+    stop: impl Future<Output = ()>,
+) {
     let visitors = Arc::new(Visitors::default());
+    let house = House {
+        router,
+        security,
+        elsewhere: security::elsewhere(),
+    };
     let (stopping, stopped) = watch::channel(());
     let mut stop = pin!(stop);
     loop {
@@ -75,14 +97,12 @@ pub async fn serve(listener: TcpListener, router: Router, stop: impl Future<Outp
         };
         // One that finds no place is closed at once.
         if let Some(visit) = visitors.arrive(address.ip()) {
-            let router = router.clone();
-            tokio::spawn(converse(
-                connection,
+            let guest = Guest {
                 address,
-                router,
-                stopped.clone(),
-                visit,
-            ));
+                visit: Arc::new(visit),
+                stopped: stopped.clone(),
+            };
+            tokio::spawn(guest.arrive(connection, house.clone()));
         }
     }
     drop((listener, stopped));
@@ -114,68 +134,110 @@ fn is_of_one_connection(error: &io::Error) -> bool {
     )
 }
 
-async fn converse(
-    connection: TcpStream,
+/// One connection, whatever it speaks.
+struct Guest {
     address: SocketAddr,
-    router: Router,
-    mut stopped: watch::Receiver<()>,
-    visit: Visit,
-) {
-    // What is written is meant to be sent: a message that waited for the last one's receipt would wait for tens of
-    // milliseconds. A connection that is gone already says so when it is read.
-    connection.set_nodelay(true).ok();
-    // One whose other end has vanished without a word is given up as soon as one whose other end has stopped reading.
-    SockRef::from(&connection)
-        .set_tcp_user_timeout(Some(STALL_TIMEOUT))
-        .ok();
-    let visit = Arc::new(visit);
-    let asked = Arc::clone(&visit);
-    let service = service_fn(move |mut request: Request<Incoming>| {
-        asked.asks();
-        request.extensions_mut().insert(Peer(address.ip()));
-        let (router, asked) = (router.clone(), Arc::clone(&asked));
-        async move {
-            let answer = router.oneshot(request).await;
-            let is_stream = answer
-                .as_ref()
-                .is_ok_and(|answer| answer.status() == StatusCode::SWITCHING_PROTOCOLS);
-            if !is_stream {
-                asked.is_answered();
+    visit: Arc<Visit>,
+    stopped: watch::Receiver<()>,
+}
+
+type Held = Impatient<Lingering<TcpStream, Arc<Visit>>>;
+
+impl Guest {
+    async fn arrive(mut self, connection: TcpStream, house: House) {
+        // What is written is meant to be sent: a message that waited for the last one's receipt would wait for tens of
+        // milliseconds. A connection that is gone already says so when it is read.
+        connection.set_nodelay(true).ok();
+        // One whose other end has vanished without a word is given up as soon as one whose other end has stopped
+        // reading.
+        SockRef::from(&connection)
+            .set_tcp_user_timeout(Some(STALL_TIMEOUT))
+            .ok();
+        let Some(security) = &house.security else {
+            let (held, hangs_up) = self.hold(connection);
+            return self.converse(held, house.router, hangs_up).await;
+        };
+        let begins = security::is_encrypted(&connection, HEAD_TIMEOUT);
+        match self.unless_unwelcome(begins).await {
+            Some(Ok(true)) => {}
+            Some(Ok(false)) => {
+                let (held, hangs_up) = self.hold(connection);
+                return self.converse(held, house.elsewhere, hangs_up).await;
             }
-            answer
+            Some(Err(_)) | None => return,
         }
-    });
-    let lingering = Lingering::new(connection, Arc::clone(&visit), Patience::USUAL);
-    let hangs_up = lingering.hangs_up();
-    let mut conversation = pin!(
-        http1::Builder::new()
-            .timer(TokioTimer::new())
-            .header_read_timeout(HEAD_TIMEOUT)
-            .max_buf_size(MAX_HEAD)
-            .serve_connection(
-                TokioIo::new(Impatient::new(lingering, STALL_TIMEOUT)),
-                service
-            )
-            .with_upgrades()
-    );
-    let ended = tokio::select! {
-        ended = &mut conversation => ended,
-        has_asked = visit.must_leave() => {
-            if !has_asked {
-                // Nothing was said that could be lost.
-                hangs_up.store(true, Ordering::Relaxed);
-                return;
+        let (held, hangs_up) = self.hold(connection);
+        let shaken = security.accept(held, HEAD_TIMEOUT);
+        match self.unless_unwelcome(shaken).await {
+            Some(Ok(stream)) => self.converse(stream, house.router, hangs_up).await,
+            Some(Err(error)) => {
+                tracing::debug!(%error, from = %self.address, "no handshake came about");
             }
-            conversation.as_mut().graceful_shutdown();
-            conversation.await
+            None => hangs_up.store(true, Ordering::Relaxed),
         }
-        _ = stopped.changed() => {
-            conversation.as_mut().graceful_shutdown();
-            conversation.await
-        }
-    };
-    if let Err(error) = ended {
-        tracing::debug!(%error, "a connection broke");
     }
-    drop(stopped);
+
+    fn hold(&self, connection: TcpStream) -> (Held, Arc<AtomicBool>) {
+        let lingering = Lingering::new(connection, Arc::clone(&self.visit), Patience::USUAL);
+        let hangs_up = lingering.hangs_up();
+        (Impatient::new(lingering, STALL_TIMEOUT), hangs_up)
+    }
+
+    /// What comes of `what`, unless the place is needed for somebody else or the server stops.
+    async fn unless_unwelcome<T>(&mut self, what: impl Future<Output = T>) -> Option<T> {
+        tokio::select! {
+            done = what => Some(done),
+            _ = self.visit.must_leave() => None,
+            _ = self.stopped.changed() => None,
+        }
+    }
+
+    async fn converse<C>(mut self, connection: C, router: Router, hangs_up: Arc<AtomicBool>)
+    where
+        C: AsyncRead + AsyncWrite + Send + Unpin + 'static,
+    {
+        let (asked, address) = (Arc::clone(&self.visit), self.address);
+        let service = service_fn(move |mut request: Request<Incoming>| {
+            asked.asks();
+            request.extensions_mut().insert(Peer(address.ip()));
+            let (router, asked) = (router.clone(), Arc::clone(&asked));
+            async move {
+                let answer = router.oneshot(request).await;
+                let is_stream = answer
+                    .as_ref()
+                    .is_ok_and(|answer| answer.status() == StatusCode::SWITCHING_PROTOCOLS);
+                if !is_stream {
+                    asked.is_answered();
+                }
+                answer
+            }
+        });
+        let mut conversation = pin!(
+            http1::Builder::new()
+                .timer(TokioTimer::new())
+                .header_read_timeout(HEAD_TIMEOUT)
+                .max_buf_size(MAX_HEAD)
+                .serve_connection(TokioIo::new(connection), service)
+                .with_upgrades()
+        );
+        let ended = tokio::select! {
+            ended = &mut conversation => ended,
+            has_asked = self.visit.must_leave() => {
+                if !has_asked {
+                    // Nothing was said that could be lost.
+                    hangs_up.store(true, Ordering::Relaxed);
+                    return;
+                }
+                conversation.as_mut().graceful_shutdown();
+                conversation.await
+            }
+            _ = self.stopped.changed() => {
+                conversation.as_mut().graceful_shutdown();
+                conversation.await
+            }
+        };
+        if let Err(error) = ended {
+            tracing::debug!(%error, "a connection broke");
+        }
+    }
 }

@@ -6,9 +6,10 @@ use std::time::Duration;
 use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser, ValueEnum};
 use teleclay_device::DeviceProfile;
+use teleclay_proto::invite::{Fingerprint, InviteLine};
 use teleclay_proto::{RealmName, SessionId};
 use teleclay_shell::Drift;
-use teleclay_shell::network::check_endpoint;
+use teleclay_shell::endpoint::{Endpoint, EndpointError, FORM};
 use teleclay_shell::ticker::Scheduling;
 
 use crate::device::DeviceKind;
@@ -30,7 +31,15 @@ const LONGEST_WAYPOINTS: u64 = 1 << 20;
 pub struct Arguments {
     /// Zenoh endpoint of the server
     #[arg(long, value_name = "ENDPOINT", default_value = "tcp/127.0.0.1:7547", value_parser = endpoint)]
-    pub connect: String,
+    pub connect: Endpoint,
+    /// What the certificate of a tls or quic endpoint is known by, 64 hexadecimal digits: SHA-256 of the server's
+    /// certificate, or of one that vouches for it. Without it, a public authority must vouch for the server
+    #[arg(long, value_name = "DIGITS")]
+    pub fingerprint: Option<Fingerprint>,
+    /// Everything of the above and below that says where to and who, on one line, as teleclay-server invite prints it
+    #[arg(long, value_name = "LINE", env = "TELECLAY_INVITE", hide_env_values = true,
+        conflicts_with_all = ["connect", "fingerprint", "session", "realm"])]
+    pub invite: Option<InviteLine>,
     /// The session to join
     #[arg(long, value_name = "NAME", default_value = "demo")]
     pub session: SessionId,
@@ -207,7 +216,13 @@ impl Arguments {
         I: IntoIterator,
         I::Item: Into<std::ffi::OsString> + Clone,
     {
-        let arguments = Self::try_parse_from(words)?;
+        let mut arguments = Self::try_parse_from(words)?;
+        if let Some(invite) = arguments.invite.clone() {
+            arguments.follow(invite).map_err(|error| {
+                let words = format!("the invite: {error}\n");
+                Self::command().error(ErrorKind::ValueValidation, words)
+            })?;
+        }
         let intent = arguments.read_intent().map_err(|error| {
             let kind = match &error {
                 IntentOptionError::Missing { .. } => ErrorKind::MissingRequiredArgument,
@@ -234,6 +249,16 @@ impl Arguments {
             silence_s: f64::INFINITY,
             ramp_s: f64::INFINITY,
         })
+    }
+
+    /// Goes where the invite says, with what it says.
+    fn follow(&mut self, invite: InviteLine) -> Result<(), EndpointError> {
+        self.connect = invite.endpoint.parse()?;
+        self.fingerprint = invite.fingerprint;
+        self.session = invite.session;
+        self.realm = invite.realm;
+        self.token = Some(invite.token.to_string());
+        Ok(())
     }
 
     fn read_intent(&self) -> Result<Intent, IntentOptionError> {
@@ -288,9 +313,11 @@ fn waypoints(got: &str) -> Result<Vec<teleclay_operator::Waypoint>, IntentOption
     }
 }
 
-fn endpoint(text: &str) -> Result<String, String> {
-    check_endpoint(text).map_err(|_| "want tcp/ADDRESS:PORT or udp/ADDRESS:PORT".to_owned())?;
-    Ok(text.to_owned())
+fn endpoint(text: &str) -> Result<Endpoint, String> {
+    text.parse().map_err(|error| match error {
+        EndpointError::Form { .. } => format!("want {FORM}"),
+        error => error.to_string(),
+    })
 }
 
 fn operator(text: &str) -> Result<String, String> {
@@ -376,7 +403,7 @@ mod tests {
     #[test]
     fn without_arguments_it_joins_the_demo_on_this_machine_and_cuts() {
         let (arguments, intent) = read(&[]).unwrap();
-        assert_eq!(arguments.connect, "tcp/127.0.0.1:7547");
+        assert_eq!(arguments.connect.to_string(), "tcp/127.0.0.1:7547");
         assert_eq!(arguments.session.as_str(), "demo");
         assert_eq!(
             (arguments.device, intent),
@@ -384,6 +411,26 @@ mod tests {
         );
         assert_eq!(arguments.seconds, None);
         assert!(is_operator(&arguments.operator_name()));
+    }
+
+    #[test]
+    fn an_invite_says_where_to_and_who_and_is_not_contradicted() {
+        let fingerprint = "ab".repeat(32);
+        let token = format!("0000001a.{}", "07".repeat(16));
+        let line = format!("teleclay:quic/192.0.2.7:7547,lab,clay,{fingerprint},{token}");
+        let (arguments, _) = read(&["--invite", &line]).unwrap();
+        assert_eq!(arguments.connect.to_string(), "quic/192.0.2.7:7547");
+        let names = (arguments.realm.as_str(), arguments.session.as_str());
+        assert_eq!(names, ("lab", "clay"));
+        assert_eq!(arguments.token, Some(token));
+        assert!(arguments.fingerprint.is_some());
+        for more in [["--session", "other"], ["--connect", "tcp/127.0.0.1:1"]] {
+            let said = read(&[&["--invite", &line], &more[..]].concat()).unwrap_err();
+            assert!(said.contains("cannot be used with"), "{said}");
+        }
+        let elsewhere = line.replace("quic/192.0.2.7:7547", "http/192.0.2.7:80");
+        let said = read(&["--invite", &elsewhere]).unwrap_err();
+        assert!(said.contains("http/192.0.2.7:80"), "{said}");
     }
 
     #[test]
@@ -473,8 +520,14 @@ mod tests {
         for (words, what) in [
             (
                 &["--connect", "localhost:7547"][..],
-                "want tcp/ADDRESS:PORT",
+                "want tcp, udp, tls or quic, then /ADDRESS:PORT",
             ),
+            (
+                &["--connect", "quic/127.0.0.1:1?rel=1"],
+                "mixed_rel=1|0|auto",
+            ),
+            (&["--fingerprint", "ab:cd"], "64 hexadecimal digits"),
+            (&["--invite", "hello"], "an invite is one line"),
             (&["--session", "De mo"], "wanted a-z, 0-9, _ or -"),
             (
                 &["--intent", "dig"],

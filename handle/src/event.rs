@@ -70,6 +70,11 @@ pub enum Event {
     OnStaleCopy,
     /// The server's process has gone.
     ServerGone,
+    /// The server has taken the tool back.
+    TakenBack {
+        /// Why, in its words.
+        reason: String,
+    },
     /// A snapshot of the server's clay has come: the hand feels a copy of it from now on.
     Copied {
         /// Which block.
@@ -139,6 +144,7 @@ impl Event {
             | Self::OnCopy { .. }
             | Self::OnStaleCopy
             | Self::ServerGone
+            | Self::TakenBack { .. }
             | Self::NotRefreshed { .. }
             | Self::SessionFault
             | Self::NoFreshClay { .. }
@@ -235,6 +241,9 @@ impl fmt::Display for Event {
                 "still no frame: the copy of the clay is no longer cut, and its force fades",
             ),
             Self::ServerGone => f.write_str("the server has gone: force released, joining again"),
+            Self::TakenBack { reason } => {
+                write!(f, "the server has taken the tool back: {reason}; force released")
+            }
             Self::Copied { epoch, took_s } => write!(
                 f,
                 "a copy of block {epoch} is here, after {took_s:.2} s: it is felt and cut at once"

@@ -11,12 +11,14 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use teleclay_channel::{Asking, Challenge, Channel, Context, Purpose, Secret};
 use teleclay_proto::http::{Validate, parse};
+use teleclay_proto::invite::InviteId;
 use teleclay_proto::join::{
     ChallengeReply, ChallengeRequest, FreshReply, JoinReply, JoinRequest, LeaveReply, RefusalCode,
     SealedJoin, SealedReply,
 };
 use teleclay_proto::keys::{self, Key, Leaf, SessionKeys};
 use teleclay_proto::{RealmName, SessionId};
+use teleclay_shell::certificate::ProbeError;
 use tokio::sync::mpsc::UnboundedSender;
 use tokio::task::JoinSet;
 use tokio::time::{Instant, timeout_at};
@@ -24,6 +26,7 @@ use zenoh::Session;
 use zenoh::handlers::FifoChannelHandler;
 use zenoh::query::{ConsolidationMode, QueryTarget, Reply};
 
+use crate::door::{Door, Lookout};
 use crate::event::Event;
 use crate::grant::JoinGrant;
 use crate::question::Question;
@@ -54,8 +57,12 @@ pub(crate) struct JoinTarget {
     pub(crate) realm: RealmName,
     pub(crate) session: SessionId,
     pub(crate) request: JoinRequest,
-    /// The server's token, when it asks for one.
+    /// The server's token, when it asks for one, or that of an invite.
     pub(crate) token: Option<String>,
+    /// Which invite, if the token is that of one.
+    pub(crate) invite: Option<InviteId>,
+    /// The way to the server.
+    pub(crate) door: Door,
 }
 
 /// A lease that was held before, perhaps lost.
@@ -88,6 +95,9 @@ pub enum JoinError {
         /// Why, in the server's words.
         reason: String,
     },
+    /// Somebody else answers at the server's place by now.
+    #[error(transparent)]
+    Certificate(#[from] ProbeError),
     /// The server's answer cannot be worked with.
     #[error("the answer of the server cannot be used: {reason}")]
     Unusable {
@@ -119,16 +129,21 @@ pub(crate) async fn search(
         .map(|old| Duration::from_secs_f64(old.lease_s) + LEASE_GRACE);
     let mut refused_since = None;
     let mut has_said = old.is_some();
+    let mut lookout = Lookout::new(target.door.clone());
     loop {
         if let Some(old) = &old {
             leave(&control, &old.keys, &old.channel, old.lease).await;
         }
         match ask(&control, &target).await {
             Attempt::Granted(grant) => return Ok(grant),
-            Attempt::Silence => refused_since = None,
+            Attempt::Silence => {
+                refused_since = None;
+                lookout.on_silence().await?;
+            }
             // Somebody's word does not end what has been held: the server may be away for a moment.
             Attempt::Hearsay(_) if old.is_some() => {}
             Attempt::Refused(error) | Attempt::Hearsay(error) => {
+                lookout.on_heard();
                 let since: &mut Instant = refused_since.get_or_insert_with(Instant::now);
                 let may_pass = match &error {
                     JoinError::Refused {
@@ -298,6 +313,7 @@ async fn try_to_join(
     let join = SealedJoin {
         challenge: *challenge.as_bytes(),
         message,
+        invite: target.invite,
     };
     let Some(mut replies) = Replies::to(&control, &key, &join).await else {
         return Attempt::Silence;

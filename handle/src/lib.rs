@@ -3,6 +3,7 @@
 //! | module | holds |
 //! |---|---|
 //! | [`device`] | what a device must do; the simulated ones: the paper's handle, the parallel robot |
+//! | [`door`] | the way to the server, and the certificate that it must show |
 //! | [`intent`] | what the simulated operator is to do |
 //! | [`arguments`] | the command line |
 //! | [`mod@run`] | join, drive the device, notice what is lost, join again, leave |
@@ -26,6 +27,7 @@
 
 pub mod arguments;
 pub mod device;
+pub mod door;
 pub mod event;
 pub mod intent;
 pub mod recording;

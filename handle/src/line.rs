@@ -9,6 +9,8 @@ use teleclay_bilateral::ParameterError;
 use teleclay_channel::{Channel, Purpose, TRAILER};
 use teleclay_link::time::Timestamp;
 use teleclay_proto::frame::{MAX_FRAME, ToolFrame};
+use teleclay_proto::http::parse;
+use teleclay_proto::join::Farewell;
 use teleclay_shell::Clock;
 use teleclay_shell::network::CONTROL_QOS;
 use tokio::sync::mpsc::UnboundedSender;
@@ -20,6 +22,9 @@ use zenoh::{Session, Wait};
 use crate::attachment::{Arrived, Attachment};
 use crate::grant::JoinGrant;
 use crate::outbox::Sender;
+
+/// A longer last word is none.
+const LONGEST_FAREWELL: usize = 1024;
 
 /// Why a lease cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -75,14 +80,15 @@ pub(crate) struct Line {
     rejected: Arc<Rejected>,
     sender: Sender,
     _down: Subscriber<()>,
+    _farewell: Subscriber<()>,
     _alive: Subscriber<()>,
     _presence: LivelinessToken,
 }
 
 impl Line {
-    /// Declares everything, and gives the attachment for the tick. `gone` gets the lease when the server goes: a
-    /// process that dies takes its connections with it, and that is seen at once. One that no longer answers is not
-    /// seen so; silence tells of it.
+    /// Declares everything, and gives the attachment for the tick. `gone` gets the lease when the server goes, or says
+    /// that the lease is over: a process that dies takes its connections with it, and that is seen at once. One that
+    /// no longer answers is not seen so; silence tells of it.
     ///
     /// # Errors
     /// The parameters make no loop, or a resource is missing.
@@ -91,7 +97,7 @@ impl Line {
         slow: &Session,
         clock: Clock,
         grant: Box<JoinGrant>,
-        gone: UnboundedSender<u32>,
+        gone: UnboundedSender<Gone>,
     ) -> Result<(Self, Box<Attachment>), LineError> {
         let JoinGrant {
             keys,
@@ -138,6 +144,18 @@ impl Line {
             .await
             .map_err(zenoh_error)?;
         let lease = granted.lease;
+        let (tell, opens) = (gone.clone(), Arc::clone(channel));
+        let farewell = control
+            .declare_subscriber(keys.tool_farewell(granted.tool))
+            .callback(move |sample| {
+                if let Some(reason) = last_word(&opens, lease, &sample) {
+                    let reason = Some(reason);
+                    // Whoever listened has gone: then nobody needs to know.
+                    let _ = tell.send(Gone { lease, reason });
+                }
+            })
+            .await
+            .map_err(zenoh_error)?;
         let alive = slow
             .liveliness()
             .declare_subscriber(keys.alive())
@@ -145,7 +163,8 @@ impl Line {
             .callback(move |sample| {
                 if sample.kind() == SampleKind::Delete {
                     // Whoever listened has gone: then nobody needs to know.
-                    let _ = gone.send(lease);
+                    let reason = None;
+                    let _ = gone.send(Gone { lease, reason });
                 }
             })
             .await
@@ -161,6 +180,7 @@ impl Line {
                 rejected,
                 sender,
                 _down: down,
+                _farewell: farewell,
                 _alive: alive,
                 _presence: presence,
             },
@@ -182,6 +202,25 @@ impl Line {
     pub(crate) fn unsent(&self) -> u64 {
         self.sender.counts().unsent()
     }
+}
+
+/// A lease that is over, or seems to be.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Gone {
+    pub(crate) lease: u32,
+    /// Why, where the server itself said so.
+    pub(crate) reason: Option<String>,
+}
+
+/// What the server says at the end of a lease, if it is the server that says it.
+fn last_word(channel: &Channel, lease: u32, sample: &Sample) -> Option<String> {
+    if LONGEST_FAREWELL < sample.payload().len() {
+        return None;
+    }
+    let sealed = sample.payload().to_bytes();
+    let message = channel.open(Purpose::Leave, &sealed).ok()?;
+    let farewell: Farewell = parse(message).ok()?;
+    (farewell.lease == lease).then_some(farewell.reason)
 }
 
 /// Runs on Zenoh's own thread, where anything slow would hold up every session: open, decode, push, return.

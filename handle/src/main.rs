@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use serde::Serialize;
 use teleclay_handle::arguments::Arguments;
+use teleclay_handle::door::Door;
 use teleclay_handle::event::{Event, Weight};
 use teleclay_handle::intent::Intent;
 use teleclay_handle::recording::Recording;
@@ -102,7 +103,11 @@ async fn hold(arguments: Arguments, intent: Intent) -> ExitCode {
     let profile = arguments.profile();
     let options = Options {
         operator: arguments.operator_name(),
-        connect: arguments.connect,
+        door: Door {
+            endpoint: arguments.connect,
+            fingerprint: arguments.fingerprint,
+        },
+        invite: arguments.invite.map(|invite| invite.token.id()),
         session: arguments.session,
         realm: arguments.realm,
         token: arguments.token,

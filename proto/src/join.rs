@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use crate::http::ClayShape;
+use crate::invite::InviteId;
 use crate::scheme::MAX_DEADBAND;
 use crate::validate::{FieldError, Validate, check, check_text};
 use crate::word::words;
@@ -55,6 +56,9 @@ pub struct SealedJoin {
     /// First message of the handshake, with a [`JoinRequest`] in it.
     #[serde(with = "hex::serde")]
     pub message: Vec<u8>,
+    /// The invite whose token the handle knows; left out by a handle with the server's own token, or none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub invite: Option<InviteId>,
 }
 
 /// The answer to a join as it crosses.
@@ -150,6 +154,8 @@ words! {
         TokenRequired "token_required",
         /// The token is not the server's.
         TokenRejected "token_rejected",
+        /// The token is the server's, and this is not among what it is good for.
+        NotAllowed "not_allowed",
         /// Every tool of the session is held.
         NoFreeTool "no_free_tool",
         /// There is no such session.
@@ -179,6 +185,16 @@ pub enum LeaveReply {
     Left,
     /// Nobody holds this lease (any more).
     NoSuchLease,
+}
+
+/// The server's last word to whoever holds a tool, once it has taken the tool away.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Farewell {
+    /// The lease that is over.
+    pub lease: u32,
+    /// Why, for people.
+    pub reason: String,
 }
 
 /// What the server says to whoever asks for a fresh block.
@@ -342,6 +358,12 @@ impl Validate for SealedJoin {
 impl Validate for SealedReply {
     fn validate(&self) -> Result<(), FieldError> {
         Ok(())
+    }
+}
+
+impl Validate for Farewell {
+    fn validate(&self) -> Result<(), FieldError> {
+        check_text("/reason", &self.reason, 4 * MAX_TEXT)
     }
 }
 

@@ -9,6 +9,7 @@
 //! | `…/parameters` | query | answers with [`LoopParameters`](crate::join::LoopParameters) |
 //! | `…/tool/<tool>/up` | publication | [`HandleFrame`](crate::frame::HandleFrame) |
 //! | `…/tool/<tool>/down` | publication | [`ToolFrame`](crate::frame::ToolFrame) |
+//! | `…/tool/<tool>/farewell` | publication | [`Farewell`](crate::join::Farewell) |
 //! | `…/clay/bricks` | publication | bricks that changed, [`watch`](crate::watch) |
 //! | `…/clay/snapshot` | query | answers with every brick, [`watch`](crate::watch) |
 //! | `…/clay/fresh` | query | [`LeaseRequest`](crate::join::LeaseRequest) |
@@ -49,6 +50,8 @@ pub enum Leaf {
     ToolUp(u32),
     /// Tool frames of a tool.
     ToolDown(u32),
+    /// The server's last word to the holder of a tool.
+    ToolFarewell(u32),
     /// Bricks as they change.
     ClayBricks,
     /// Query for every brick.
@@ -135,6 +138,12 @@ impl SessionKeys {
         self.key(Leaf::ToolDown(tool))
     }
 
+    /// The key `…/tool/<tool>/farewell` of the server's last word to its holder.
+    #[must_use]
+    pub fn tool_farewell(&self, tool: u32) -> String {
+        self.key(Leaf::ToolFarewell(tool))
+    }
+
     /// The key `…/clay/bricks` of bricks that changed.
     #[must_use]
     pub fn clay_bricks(&self) -> String {
@@ -181,10 +190,34 @@ pub fn every_tool_up_in(realm: &RealmName) -> String {
     format!("{ROOT}/{realm}/session/*/tool/*/up")
 }
 
+/// `teleclay/<realm>/session/*/tool/*/down`: the tool frames of every session of a realm.
+#[must_use]
+pub fn every_tool_down_in(realm: &RealmName) -> String {
+    format!("{ROOT}/{realm}/session/*/tool/*/down")
+}
+
+/// `teleclay/<realm>/session/*/tool/*/farewell`: last words to the holders of tools of every session of a realm.
+#[must_use]
+pub fn every_farewell_in(realm: &RealmName) -> String {
+    format!("{ROOT}/{realm}/session/*/tool/*/farewell")
+}
+
+/// `teleclay/<realm>/session/*/operator/*`: whoever holds a tool of any session of a realm.
+#[must_use]
+pub fn every_operator_in(realm: &RealmName) -> String {
+    format!("{ROOT}/{realm}/session/*/operator/*")
+}
+
+/// `teleclay/<realm>/session/*/<leaf>`: the same of every session of a realm.
+#[must_use]
+pub fn of_every_session_in(realm: &RealmName, leaf: Leaf) -> String {
+    format!("{ROOT}/{realm}/session/*/{leaf}")
+}
+
 /// `teleclay/<realm>/session/*/alive`: selects the sessions of a realm that some server runs.
 #[must_use]
 pub fn every_session_alive_in(realm: &RealmName) -> String {
-    format!("{ROOT}/{realm}/session/*/{}", Leaf::Alive)
+    of_every_session_in(realm, Leaf::Alive)
 }
 
 /// Why a text is no key of teleclay's.
@@ -267,6 +300,7 @@ impl fmt::Display for Leaf {
             Self::Parameters => f.write_str("parameters"),
             Self::ToolUp(tool) => write!(f, "tool/{tool}/up"),
             Self::ToolDown(tool) => write!(f, "tool/{tool}/down"),
+            Self::ToolFarewell(tool) => write!(f, "tool/{tool}/farewell"),
             Self::ClayBricks => f.write_str("clay/bricks"),
             Self::ClaySnapshot => f.write_str("clay/snapshot"),
             Self::ClayFresh => f.write_str("clay/fresh"),
@@ -285,6 +319,7 @@ fn parse_leaf(key: &str, parts: &[&str]) -> Result<Leaf, KeyError> {
         ["parameters"] => Ok(Leaf::Parameters),
         ["tool", tool, "up"] => Ok(Leaf::ToolUp(parse_number(key, tool)?)),
         ["tool", tool, "down"] => Ok(Leaf::ToolDown(parse_number(key, tool)?)),
+        ["tool", tool, "farewell"] => Ok(Leaf::ToolFarewell(parse_number(key, tool)?)),
         ["clay", "bricks"] => Ok(Leaf::ClayBricks),
         ["clay", "snapshot"] => Ok(Leaf::ClaySnapshot),
         ["clay", "fresh"] => Ok(Leaf::ClayFresh),

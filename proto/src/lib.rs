@@ -15,6 +15,7 @@
 
 pub mod frame;
 pub mod http;
+pub mod invite;
 pub mod join;
 pub mod keys;
 pub mod watch;

@@ -4,7 +4,7 @@
 //! |---|---|
 //! | `engine` | the tick: all sessions as one machine, rings in and out |
 //! | `collector` | what the tick leaves: answers, events, statistics, the watchers' clay, telemetry |
-//! | `doors` | who is heard on Zenoh |
+//! | [`doors`] | who is let in, and what the server shows of itself |
 //! | [`directory`] | which sessions there are, and every way to change one |
 //! | [`network`] | Zenoh: frames, joining, slow state |
 //! | [`api`] | HTTP, WebSocket, OpenAPI, metrics, the dashboard |
@@ -13,7 +13,7 @@
 pub mod api;
 mod collector;
 pub mod directory;
-mod doors;
+pub mod doors;
 mod engine;
 pub mod network;
 mod serve;

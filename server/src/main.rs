@@ -6,14 +6,19 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use teleclay_server::api;
-use teleclay_server::settings::{Arguments, Settings};
+use teleclay_server::settings::{Arguments, Aside, Settings};
 
 fn main() -> ExitCode {
     // Before any thread exists.
     teleclay_shell::network::prepare_runtime();
     let arguments = Arguments::of_this_process();
-    if let Some(offline) = &arguments.offline {
-        return match offline.run(&api::description(env!("CARGO_PKG_VERSION"))) {
+    if let Some(aside) = &arguments.aside {
+        let done = match aside {
+            Aside::Offline(offline) => offline.run(&api::description(env!("CARGO_PKG_VERSION"))),
+            Aside::Invite(command) => command.run(&mut std::io::stdout().lock()),
+            Aside::Invites(command) => command.run(&mut std::io::stdout().lock()),
+        };
+        return match done {
             Ok(()) => ExitCode::SUCCESS,
             Err(error) => failed(&error),
         };
@@ -29,7 +34,7 @@ fn main() -> ExitCode {
         };
     }
     let filter = tracing_subscriber::EnvFilter::try_from_env("TELECLAY_LOG")
-        .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("info,zenoh=error"));
+        .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("info,zenoh=error,zenoh_link_commons::quic=warn,zenoh_link_tls=warn"));
     tracing_subscriber::fmt()
         .with_env_filter(filter)
         .with_writer(std::io::stderr)

@@ -3,9 +3,12 @@
 use std::net::SocketAddr;
 use std::sync::mpsc;
 use std::sync::{Arc, Mutex};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
+use teleclay_doors::audit::Audit;
+use teleclay_doors::{Identity, Invites};
+use teleclay_front::Security;
 use teleclay_proto::SessionId;
 use teleclay_proto::http::{ClayShape, ClaySpec, NewSession, ToolDescription};
 use teleclay_shell::Clock;
@@ -17,8 +20,10 @@ use tokio::task::JoinHandle;
 use crate::api::{self, ApiConfig};
 use crate::collector::{Collector, Sources};
 use crate::directory::{Directory, Parts};
+use crate::doors::command::Address;
+use crate::doors::{Doors, certificates};
 use crate::engine::{CAPACITIES, Engine, TICK};
-use crate::network::{Network, Sender};
+use crate::network::{Lines, Network, Sender};
 use crate::settings::Settings;
 use crate::statistics::LoopStats;
 
@@ -27,12 +32,18 @@ const DEMO: &str = "demo";
 /// The demo's ball: 12.8 voxels of the default clay.
 const DEMO_BALL_M: f64 = 0.0064;
 
+/// The audit log is waited for so long at the end.
+const LAST_WORDS_WITHIN: Duration = Duration::from_secs(1);
+
 /// A running server.
 pub struct Server {
     /// Address that HTTP really listens on.
     pub address: SocketAddr,
+    /// The dashboard's address, as others may reach it.
+    pub page: String,
     directory: Directory,
     network: Network,
+    follows: Option<JoinHandle<()>>,
     // Field order is drop order: first the tick, then who empties its rings.
     ticker: Ticker,
     _collector: Collector,
@@ -57,6 +68,21 @@ impl Server {
         })?;
         let address = listener.local_addr()?;
 
+        let names = certificates::names(&names_told(&settings));
+        let is_secure = settings.is_https || settings.zenoh_control.protocol.is_secure();
+        let identity = is_secure
+            .then(|| settings.certificate.identity(&settings.data_dir, &names))
+            .transpose()
+            .context("the server's certificate")?;
+        let security = match &identity {
+            Some(identity) if settings.is_https => {
+                let security = Security::new(&identity.chain_pem, &identity.key_pem);
+                Some(security.context("the server's certificate")?)
+            }
+            _ => None,
+        };
+        let doors = open_doors(&settings)?;
+
         let clock = Clock::start();
         let sender = Sender::spawn()?;
         let collector = Collector::spawn()?;
@@ -78,8 +104,8 @@ impl Server {
             loop_stats,
             notices,
             node: settings.node.clone(),
-            token: settings.token.clone(),
-            slow_endpoint: Some(settings.zenoh_slow.clone()),
+            doors: Arc::clone(&doors),
+            slow_endpoint: Some(settings.zenoh_slow.to_string()),
         });
         let config = TickerConfig {
             name: "teleclay-loop",
@@ -98,23 +124,27 @@ impl Server {
         }
         let network = Network::open(
             &settings.realm,
-            &settings.zenoh_control,
-            &settings.zenoh_slow,
+            Lines {
+                control: &settings.zenoh_control,
+                slow: &settings.zenoh_slow,
+                identity: identity.as_ref(),
+            },
             &directory,
             sender.feed(sessions.outgoing),
             clock,
         )
         .await?;
         tracing::info!(
-            control = settings.zenoh_control,
-            slow = settings.zenoh_slow,
+            control = %settings.zenoh_control,
+            slow = %settings.zenoh_slow,
             "zenoh listens"
         );
 
+        let page = tell_address(&settings, address, identity.as_ref())?;
         let router = api::router(
             directory.clone(),
             ApiConfig {
-                token: settings.token,
+                doors,
                 allowed_origins: settings.allow_origins,
                 listen: address,
                 node: settings.node,
@@ -123,15 +153,21 @@ impl Server {
             },
         );
         let (stop, mut stopped) = watch::channel(false);
+        let follows = security.clone().map(|security| {
+            let source = settings.certificate.clone();
+            tokio::spawn(source.follow(security))
+        });
         let http = tokio::spawn(async move {
             let until = async move {
                 // An error means that the sender is gone, which is a stop as well.
                 let _ = stopped.wait_for(|stop| *stop).await;
             };
-            api::serve(listener, router, until).await;
+            api::serve(listener, router, security, until).await;
         });
         Ok(Self {
             address,
+            page,
+            follows,
             directory,
             network,
             ticker,
@@ -156,7 +192,11 @@ impl Server {
         // An error means that HTTP is gone already.
         let _ = self.stop.send(true);
         self.http.abort();
+        self.follows.iter().for_each(JoinHandle::abort);
         self.network.close().await;
+        let doors = Arc::clone(self.directory.doors());
+        // It fails only where the runtime ends.
+        let _ = tokio::task::spawn_blocking(move || doors.settle(LAST_WORDS_WITHIN)).await;
     }
 }
 
@@ -166,9 +206,9 @@ impl Server {
 /// What [`Server::start`] says; a loop that ended by itself.
 pub async fn run(settings: Settings) -> anyhow::Result<()> {
     let server = Server::start(settings).await?;
-    tracing::info!("dashboard at http://{}/", server.address);
+    tracing::info!("dashboard at {}/", server.page);
     let mut terminate = tokio::signal::unix::signal(tokio::signal::unix::SignalKind::terminate())?;
-    let mut check = tokio::time::interval(std::time::Duration::from_millis(500));
+    let mut check = tokio::time::interval(Duration::from_millis(500));
     let failed = loop {
         tokio::select! {
             _ = tokio::signal::ctrl_c() => break false,
@@ -183,6 +223,69 @@ pub async fn run(settings: Settings) -> anyhow::Result<()> {
         "the 1 kHz loop ended by itself; its panic stands above"
     );
     Ok(())
+}
+
+/// What the server was told that it is reached by.
+fn names_told(settings: &Settings) -> Vec<String> {
+    let mut told = settings.hosts.clone();
+    if !settings.zenoh_control.is_everywhere() {
+        told.push(settings.zenoh_control.bare_host().to_owned());
+    }
+    if !settings.listen.ip().is_unspecified() {
+        told.push(settings.listen.ip().to_string());
+    }
+    told
+}
+
+/// Doors that are as wide as the settings say, and where it is written down who comes.
+fn open_doors(settings: &Settings) -> anyhow::Result<Arc<Doors>> {
+    let audit = Audit::open(&settings.data_dir)?;
+    let doors = match &settings.token {
+        Some(token) => Doors::with_token(token).and_guests(Invites::open(&settings.data_dir)?),
+        None => Doors::open(),
+    };
+    Ok(Arc::new(doors.watched(audit)))
+}
+
+/// Writes down, for those who invite, where the server is reached; gives the page's address.
+fn tell_address(
+    settings: &Settings,
+    listens: SocketAddr,
+    identity: Option<&Identity>,
+) -> anyhow::Result<String> {
+    let known = || settings.hosts.first().cloned().or_else(certificates::own_address);
+    let page_host = match listens.ip() {
+        everywhere if everywhere.is_unspecified() => known().unwrap_or_else(|| listens.ip().to_string()),
+        ip => ip.to_string(),
+    };
+    let scheme = if settings.is_https { "https" } else { "http" };
+    let page = format!("{scheme}://{}:{}", in_url(&page_host), listens.port());
+    let mut endpoint = settings.zenoh_control.clone();
+    if let (true, Some(host)) = (endpoint.is_everywhere(), known()) {
+        endpoint = endpoint.on(&in_url(&host));
+    }
+    let is_secure = endpoint.protocol.is_secure();
+    let address = Address {
+        page: page.clone(),
+        endpoint: endpoint.to_string(),
+        realm: settings.realm.clone(),
+        fingerprint: identity
+            .filter(|_| is_secure)
+            .map(|identity| identity.fingerprint.to_string()),
+        needs_token: settings.token.is_some(),
+    };
+    address
+        .write(&settings.data_dir)
+        .with_context(|| format!("data folder {}", settings.data_dir.display()))?;
+    Ok(page)
+}
+
+/// A host as it stands in an address: IPv6 in brackets.
+fn in_url(host: &str) -> String {
+    match host.parse::<std::net::Ipv6Addr>() {
+        Ok(address) => format!("[{address}]"),
+        Err(_) => host.to_owned(),
+    }
 }
 
 /// The session that a server starts with: a block, a ball, the scheme that is the default.

@@ -4,15 +4,18 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use anyhow::{Context as _, ensure};
-use clap::{CommandFactory as _, FromArgMatches as _, Parser};
+use anyhow::{Context as _, bail, ensure};
+use clap::{CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
 use figment::Figment;
 use figment::providers::{Env, Format as _, Serialized, Toml};
 use serde::{Deserialize, Serialize};
 use teleclay_offline::Offline;
 use teleclay_proto::{NodeName, RealmName};
-use teleclay_shell::network::{is_loopback, neighbour};
+use teleclay_shell::endpoint::{Endpoint, Protocol};
 use teleclay_shell::ticker::Scheduling;
+
+use crate::doors::certificates::{self, Source};
+use crate::doors::command::{InviteCommand, InvitesCommand};
 
 /// A networked haptic tele-presence server: it holds the clay and the tool side of the loop.
 #[derive(Debug, Parser)]
@@ -22,16 +25,17 @@ use teleclay_shell::ticker::Scheduling;
     args_conflicts_with_subcommands = true
 )]
 pub struct Arguments {
-    /// The theory, answered without a server
+    /// What else this program does
     #[command(subcommand)]
-    pub offline: Option<Offline>,
+    pub aside: Option<Aside>,
     /// Address of the HTTP API and the dashboard (default: 127.0.0.1:8080)
     #[arg(long, value_name = "ADDRESS:PORT")]
     listen: Option<SocketAddr>,
-    /// Zenoh endpoint for handles; slow state uses the next port (default: tcp/127.0.0.1:7547)
+    /// Zenoh endpoint for handles, tcp, udp, tls or quic; slow state uses the next port (default:
+    /// tcp/127.0.0.1:7547)
     #[arg(long, value_name = "PROTOCOL/ADDRESS:PORT")]
     zenoh_listen: Option<String>,
-    /// A folder for the server's data; nothing is kept in it yet (default: a folder of the user's)
+    /// A folder for the server's data: its authority, invites, the audit log (default: a folder of the user's)
     #[arg(long, value_name = "DIR")]
     data_dir: Option<PathBuf>,
     /// A TOML file with the same settings, e.g. `listen = "127.0.0.1:9000"`
@@ -55,9 +59,35 @@ pub struct Arguments {
     /// Last microseconds of each wait that are spun instead of slept (default: 0)
     #[arg(long)]
     spin_us: Option<u64>,
+    /// A certificate in PEM, with those that vouch for it, instead of one of the server's own authority
+    #[arg(long, value_name = "FILE", requires = "tls_key")]
+    tls_cert: Option<PathBuf>,
+    /// Its private key in PEM
+    #[arg(long, value_name = "FILE", requires = "tls_cert")]
+    tls_key: Option<PathBuf>,
+    /// A name or address by which others reach the server: it stands in the certificate, and the first in invites; may
+    /// be given several times
+    #[arg(long = "host", value_name = "NAME")]
+    hosts: Vec<String>,
+    /// Speak in the clear beyond loopback: only where something else encrypts
+    #[arg(long)]
+    without_tls: bool,
     /// Ask a running server on --listen whether it is healthy, and exit with 0 or 1
     #[arg(long)]
     pub health_check: bool,
+}
+
+/// What the program does instead of serving.
+#[derive(Clone, Debug, Subcommand)]
+#[expect(clippy::large_enum_variant, reason = "there is one, for a moment")]
+pub enum Aside {
+    /// The theory, answered without a server
+    #[command(flatten)]
+    Offline(Offline),
+    /// Invite somebody to a session: prints a link for a browser and, for operators, a line for a handle
+    Invite(InviteCommand),
+    /// List invites, or take one back
+    Invites(InvitesCommand),
 }
 
 impl Arguments {
@@ -83,6 +113,10 @@ struct Raw {
     allow_origins: Vec<String>,
     scheduling: String,
     spin_us: u64,
+    tls_cert: Option<PathBuf>,
+    tls_key: Option<PathBuf>,
+    hosts: Vec<String>,
+    without_tls: bool,
 }
 
 impl Default for Raw {
@@ -98,6 +132,10 @@ impl Default for Raw {
             allow_origins: Vec::new(),
             scheduling: Scheduling::default().to_string(),
             spin_us: 0,
+            tls_cert: None,
+            tls_key: None,
+            hosts: Vec::new(),
+            without_tls: false,
         }
     }
 }
@@ -108,11 +146,17 @@ pub struct Settings {
     /// HTTP address.
     pub listen: SocketAddr,
     /// Zenoh endpoint of the control session.
-    pub zenoh_control: String,
+    pub zenoh_control: Endpoint,
     /// Zenoh endpoint of the slow session.
-    pub zenoh_slow: String,
-    /// A folder for the server's data. Nothing is kept in it yet.
+    pub zenoh_slow: Endpoint,
+    /// A folder for the server's data.
     pub data_dir: PathBuf,
+    /// Where certificates come from.
+    pub certificate: Source,
+    /// Whether the HTTP address is encrypted.
+    pub is_https: bool,
+    /// Names and addresses by which others reach the server, as it was told.
+    pub hosts: Vec<String>,
     /// Whether to make the session `demo`.
     pub demo_session: bool,
     /// Name of the realm on Zenoh.
@@ -135,7 +179,7 @@ const LEAST_TOKEN: usize = 16;
 const MOST_SPIN_US: u64 = 900;
 
 /// Settings that a variable `TELECLAY_…` may give, beside the token.
-const FROM_ENVIRONMENT: [&str; 9] = [
+const FROM_ENVIRONMENT: [&str; 13] = [
     "listen",
     "zenoh_listen",
     "data_dir",
@@ -145,13 +189,17 @@ const FROM_ENVIRONMENT: [&str; 9] = [
     "allow_origins",
     "scheduling",
     "spin_us",
+    "tls_cert",
+    "tls_key",
+    "hosts",
+    "without_tls",
 ];
 
 impl Settings {
     /// Reads file and environment, lets flags win, checks.
     ///
     /// # Errors
-    /// An unknown or impossible setting; a listener beyond loopback without a token.
+    /// An unknown or impossible setting; a listener beyond loopback without a token, or in the clear.
     pub fn read(arguments: &Arguments) -> anyhow::Result<Self> {
         let mut figment = Figment::from(Serialized::defaults(Raw::default()));
         if let Some(file) = &arguments.config {
@@ -190,6 +238,12 @@ impl Settings {
         if let Some(spin_us) = arguments.spin_us {
             raw.spin_us = spin_us;
         }
+        if arguments.tls_cert.is_some() {
+            raw.tls_cert.clone_from(&arguments.tls_cert);
+            raw.tls_key.clone_from(&arguments.tls_key);
+        }
+        raw.hosts.splice(0..0, arguments.hosts.iter().cloned());
+        raw.without_tls |= arguments.without_tls;
         raw.demo_session &= !arguments.no_demo_session;
         raw.allow_origins
             .extend(arguments.allow_origins.iter().cloned());
@@ -211,12 +265,31 @@ impl Settings {
             "listening on {} needs a token: {how}",
             raw.listen
         );
-        let is_inside = is_loopback(&raw.zenoh_listen);
+        let zenoh_control: Endpoint = raw.zenoh_listen.parse()?;
+        let is_handled_inside = zenoh_control.is_loopback();
         ensure!(
-            is_inside || raw.token.is_some(),
-            "listening on {} needs a token: {how}",
-            raw.zenoh_listen
+            is_handled_inside || raw.token.is_some(),
+            "listening on {zenoh_control} needs a token: {how}"
         );
+        ensure!(
+            is_handled_inside || zenoh_control.protocol.is_secure() || raw.without_tls,
+            "listening on {zenoh_control} would let everybody on the way read motion, forces and clay: take {}/{}:{}, \
+             or --without-tls where something else encrypts",
+            Protocol::Quic,
+            zenoh_control.host,
+            zenoh_control.port
+        );
+        for host in &raw.hosts {
+            ensure!(
+                certificates::is_name(host),
+                "`{host}` is no name or address of a host"
+            );
+        }
+        let certificate = match (raw.tls_cert, raw.tls_key) {
+            (Some(chain), Some(key)) => Source::Given { chain, key },
+            (None, None) => Source::Own,
+            _ => bail!("tls_cert and tls_key go together"),
+        };
         ensure!(
             raw.spin_us <= MOST_SPIN_US,
             "spin_us is {}, want {MOST_SPIN_US} at most",
@@ -224,8 +297,11 @@ impl Settings {
         );
         Ok(Self {
             listen: raw.listen,
-            zenoh_slow: neighbour(&raw.zenoh_listen, 1)?,
-            zenoh_control: raw.zenoh_listen,
+            zenoh_slow: zenoh_control.neighbour(1)?,
+            zenoh_control,
+            is_https: certificate != Source::Own || !(is_inside || raw.without_tls),
+            certificate,
+            hosts: raw.hosts,
             data_dir: raw.data_dir.map_or_else(default_data_dir, Ok)?,
             demo_session: raw.demo_session,
             realm: RealmName::new(raw.realm).context("realm")?,
@@ -241,7 +317,8 @@ impl Settings {
     }
 }
 
-fn default_data_dir() -> anyhow::Result<PathBuf> {
+/// The data folder where none is named.
+pub(crate) fn default_data_dir() -> anyhow::Result<PathBuf> {
     let set = |name| {
         std::env::var_os(name)
             .filter(|value| !value.is_empty())
@@ -269,8 +346,9 @@ mod tests {
     #[test]
     fn the_defaults_are_usable_and_stay_on_loopback() {
         let settings = proven(|_| ()).unwrap();
-        assert!(settings.listen.ip().is_loopback() && is_loopback(&settings.zenoh_control));
-        assert_eq!(settings.zenoh_slow, "tcp/127.0.0.1:7548");
+        assert!(settings.listen.ip().is_loopback() && settings.zenoh_control.is_loopback());
+        assert_eq!(settings.zenoh_slow.to_string(), "tcp/127.0.0.1:7548");
+        assert!(!settings.is_https);
     }
 
     #[test]
@@ -283,11 +361,47 @@ mod tests {
             .unwrap_err()
             .to_string();
         assert!(zenoh.contains("TELECLAY_TOKEN"), "{zenoh}");
-        let token = Some("a token of good length".to_owned());
+        let token = || Some("a token of good length".to_owned());
         assert!(
-            proven(|raw| (raw.listen, raw.token) = ("0.0.0.0:8080".parse().unwrap(), token))
-                .is_ok()
+            proven(|raw| (raw.listen, raw.token) = ("0.0.0.0:8080".parse().unwrap(), token()))
+                .is_ok_and(|settings| settings.is_https)
         );
         assert!(proven(|raw| raw.token = Some("short".to_owned())).is_err());
+    }
+
+    #[test]
+    fn beyond_loopback_nothing_is_said_in_the_clear_unless_told_to() {
+        let on = |endpoint: &str, without_tls: bool| {
+            proven(|raw| {
+                raw.zenoh_listen = endpoint.to_owned();
+                raw.token = Some("a token of good length".to_owned());
+                raw.without_tls = without_tls;
+            })
+        };
+        for clear in ["tcp/0.0.0.0:7547", "udp/192.0.2.7:7547"] {
+            let said = on(clear, false).unwrap_err().to_string();
+            assert!(said.contains("quic/") && said.contains(":7547"), "{said}");
+            assert!(on(clear, true).is_ok());
+        }
+        for secure in ["quic/0.0.0.0:7547", "tls/[::]:7547", "tcp/127.0.0.1:7547"] {
+            assert!(on(secure, false).is_ok(), "{secure}");
+        }
+        let clear = |raw: &mut Raw| {
+            raw.listen = "0.0.0.0:8080".parse().unwrap();
+            raw.token = Some("a token of good length".to_owned());
+            raw.without_tls = true;
+        };
+        assert!(!proven(clear).unwrap().is_https);
+    }
+
+    #[test]
+    fn a_certificate_comes_with_its_key_and_hosts_are_hosts() {
+        assert!(proven(|raw| raw.tls_cert = Some("a.pem".into())).is_err());
+        let both = |raw: &mut Raw| {
+            (raw.tls_cert, raw.tls_key) = (Some("a.pem".into()), Some("a.key".into()));
+        };
+        assert!(proven(both).unwrap().is_https, "also on loopback");
+        let said = proven(|raw| raw.hosts = vec!["my host".to_owned()]).unwrap_err();
+        assert!(said.to_string().contains("`my host`"), "{said}");
     }
 }

@@ -1,7 +1,10 @@
 //! What both programs need around their pure loop: a monotonic clock, a 1 kHz thread on absolute deadlines, the rings
-//! between such a thread and everybody else, and Zenoh sessions that open nothing they were not told to open.
+//! between such a thread and everybody else, Zenoh sessions that open nothing they were not told to open, and the
+//! certificates that some of them show.
 
+pub mod certificate;
 mod clock;
+pub mod endpoint;
 pub mod network;
 pub mod realtime;
 pub mod ticker;

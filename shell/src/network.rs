@@ -4,43 +4,89 @@
 //! Control frames have a session of their own, since a blocking message of the same transport would hold them up; slow
 //! state and bricks use another.
 
-use std::fmt::Write as _;
-
 use zenoh::qos::{CongestionControl, Priority, Reliability};
 use zenoh::{Config, Session};
 
+use crate::certificate::base64;
+use crate::endpoint::Endpoint;
+
 /// Where to listen and whom to call.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Default)]
 pub struct Endpoints {
     /// Endpoints to listen on, such as `tcp/127.0.0.1:7547`.
-    pub listen: Vec<String>,
+    pub listen: Vec<Endpoint>,
     /// Endpoints to connect to; tried again until they answer.
-    pub connect: Vec<String>,
+    pub connect: Vec<Endpoint>,
+    /// Certificate, those that vouch for it, and private key, in PEM, that secure endpoints listen with.
+    pub identity: Option<(String, String)>,
+    /// Certificate in PEM that vouches for the servers that are connected to, beside those of public authorities.
+    pub trusted: Option<String>,
+    /// What others may do on this session.
+    pub permissions: Permissions,
+}
+
+impl std::fmt::Debug for Endpoints {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Endpoints")
+            .field("listen", &self.listen)
+            .field("connect", &self.connect)
+            .finish_non_exhaustive()
+    }
+}
+
+impl Endpoints {
+    /// Listens on one endpoint in the clear.
+    #[must_use]
+    pub fn listening(endpoint: Endpoint) -> Self {
+        Self {
+            listen: vec![endpoint],
+            ..Self::default()
+        }
+    }
+
+    /// Connects to one endpoint.
+    #[must_use]
+    pub fn connecting(endpoint: Endpoint) -> Self {
+        Self {
+            connect: vec![endpoint],
+            ..Self::default()
+        }
+    }
+}
+
+/// What others may do on a session.
+#[derive(Clone, Debug, Default)]
+pub enum Permissions {
+    /// Whatever they like.
+    #[default]
+    All,
+    /// What these rules say, and nothing else.
+    Only(Vec<Rule>),
+}
+
+/// Something that others may do.
+#[derive(Clone, Debug)]
+pub struct Rule {
+    /// Zenoh's words for it, such as `put` and `query`.
+    pub messages: Vec<&'static str>,
+    /// Which way: what comes in, or what goes out.
+    pub flow: Flow,
+    /// The keys, as expressions.
+    pub keys: Vec<String>,
+}
+
+/// Which way a message goes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Flow {
+    /// From others.
+    In,
+    /// To others.
+    Out,
 }
 
 /// Why a session could not be opened.
 #[derive(Debug, thiserror::Error)]
 pub enum NetworkError {
-    /// An endpoint is not understood.
-    #[error("zenoh endpoint `{got}` is not of the form tcp/ADDRESS:PORT or udp/ADDRESS:PORT")]
-    Endpoint {
-        /// As given.
-        got: String,
-    },
-    /// There is no port for slow state.
-    #[error(
-        "zenoh endpoint `{got}` leaves no room for slow state, which uses port {port} + {steps}: take a port up to {most}"
-    )]
-    NoNeighbour {
-        /// As given.
-        got: String,
-        /// Its port.
-        port: u16,
-        /// How far above it the other one lies.
-        steps: u16,
-        /// The last port that has such a neighbour.
-        most: u16,
-    },
     /// Zenoh refused.
     #[error("zenoh session on {what}: {reason}")]
     Open {
@@ -74,12 +120,8 @@ pub fn prepare_runtime() {
 /// Opens a peer on exactly these endpoints.
 ///
 /// # Errors
-/// An endpoint is malformed or cannot be listened on. Endpoints to connect to are tried in the background.
+/// An endpoint cannot be listened on. Endpoints to connect to are tried in the background.
 pub async fn open(endpoints: &Endpoints) -> Result<Session, NetworkError> {
-    let all = endpoints.listen.iter().chain(&endpoints.connect);
-    for endpoint in all {
-        check_endpoint(endpoint)?;
-    }
     let config = config(endpoints).map_err(|reason| failed(endpoints, reason))?;
     zenoh::open(config)
         .await
@@ -95,78 +137,11 @@ pub const CONTROL_QOS: (CongestionControl, Priority, bool, Reliability) = (
     Reliability::BestEffort,
 );
 
-/// Checks the form of an endpoint; whether anybody is there shows later.
-///
-/// # Errors
-/// The endpoint is not `tcp/ADDRESS:PORT` or `udp/ADDRESS:PORT`.
-pub fn check_endpoint(endpoint: &str) -> Result<(), NetworkError> {
-    let malformed = || NetworkError::Endpoint {
-        got: endpoint.to_owned(),
-    };
-    let (protocol, address) = endpoint.split_once('/').ok_or_else(malformed)?;
-    let (host, port) = address.rsplit_once(':').ok_or_else(malformed)?;
-    let is_port = port.parse::<u16>().is_ok();
-    // What a name, an IPv4 address, and a bracketed IPv6 address with its scope are written with; endpoints are quoted
-    // into Zenoh's configuration, so nothing else may pass.
-    let is_host = !host.is_empty()
-        && host
-            .chars()
-            .all(|letter| letter.is_ascii_alphanumeric() || ".-_:[]%".contains(letter));
-    if matches!(protocol, "tcp" | "udp") && is_host && is_port {
-        Ok(())
-    } else {
-        Err(malformed())
-    }
-}
-
-/// The endpoint `steps` ports above `endpoint`; port 0 (any) stays.
-///
-/// # Errors
-/// The endpoint is malformed, or the port above the last one.
-pub fn neighbour(endpoint: &str, steps: u16) -> Result<String, NetworkError> {
-    let malformed = || NetworkError::Endpoint {
-        got: endpoint.to_owned(),
-    };
-    let (head, port) = endpoint.rsplit_once(':').ok_or_else(malformed)?;
-    let port: u16 = port.parse().map_err(|_| malformed())?;
-    if port == 0 {
-        return Ok(endpoint.to_owned());
-    }
-    let above = port
-        .checked_add(steps)
-        .ok_or_else(|| NetworkError::NoNeighbour {
-            got: endpoint.to_owned(),
-            port,
-            steps,
-            most: u16::MAX - steps,
-        })?;
-    Ok(format!("{head}:{above}"))
-}
-
-/// Whether an endpoint names a loopback address (or `localhost`).
-pub fn is_loopback(endpoint: &str) -> bool {
-    let address = endpoint
-        .split_once('/')
-        .map_or(endpoint, |(_, address)| address);
-    let host = address.rsplit_once(':').map_or(address, |(host, _)| host);
-    let host = host.trim_start_matches('[').trim_end_matches(']');
-    host == "localhost"
-        || host
-            .parse::<std::net::IpAddr>()
-            .is_ok_and(|ip| ip.is_loopback())
-}
-
 fn config(endpoints: &Endpoints) -> Result<Config, zenoh::Error> {
     let mut config = Config::default();
-    let quoted = |list: &[String]| {
-        let mut json = String::from("[");
-        for (index, endpoint) in list.iter().enumerate() {
-            let comma = if index == 0 { "" } else { "," };
-            // Writing to a string cannot fail.
-            let _ = write!(json, "{comma}\"{endpoint}\"");
-        }
-        json.push(']');
-        json
+    let quoted = |list: &[Endpoint]| {
+        let list: Vec<String> = list.iter().map(Endpoint::for_zenoh).collect();
+        json(&list)
     };
     for (key, value) in [
         ("mode", "\"peer\""),
@@ -193,7 +168,50 @@ fn config(endpoints: &Endpoints) -> Result<Config, zenoh::Error> {
     ] {
         config.insert_json5(key, value)?;
     }
+    let mut secret = |key: &str, pem: &str| {
+        let encoded = base64(pem.as_bytes());
+        config.insert_json5(&format!("transport/link/tls/{key}_base64"), &json(&encoded))
+    };
+    if let Some((chain, key)) = &endpoints.identity {
+        secret("listen_certificate", chain)?;
+        secret("listen_private_key", key)?;
+    }
+    if let Some(trusted) = &endpoints.trusted {
+        secret("root_ca_certificate", trusted)?;
+    }
+    if let Permissions::Only(rules) = &endpoints.permissions {
+        config.insert_json5("access_control", &access_control(rules).to_string())?;
+    }
     Ok(config)
+}
+
+/// Zenoh's access control: what no rule allows is not let through, whoever sends it.
+fn access_control(rules: &[Rule]) -> serde_json::Value {
+    let names: Vec<String> = (1..=rules.len()).map(|number| format!("rule {number}")).collect();
+    let rules: Vec<serde_json::Value> = names
+        .iter()
+        .zip(rules)
+        .map(|(name, rule)| {
+            serde_json::json!({
+                "id": name,
+                "permission": "allow",
+                "messages": rule.messages,
+                "flows": [match rule.flow { Flow::In => "ingress", Flow::Out => "egress" }],
+                "key_exprs": rule.keys,
+            })
+        })
+        .collect();
+    serde_json::json!({
+        "enabled": true,
+        "default_permission": "deny",
+        "rules": rules,
+        "subjects": [{ "id": "everybody" }],
+        "policies": [{ "rules": names, "subjects": ["everybody"] }],
+    })
+}
+
+fn json(value: &impl serde::Serialize) -> String {
+    serde_json::to_string(value).expect("texts have a JSON form")
 }
 
 fn failed(endpoints: &Endpoints, reason: zenoh::Error) -> NetworkError {
@@ -201,65 +219,11 @@ fn failed(endpoints: &Endpoints, reason: zenoh::Error) -> NetworkError {
         .listen
         .iter()
         .chain(&endpoints.connect)
-        .map(String::as_str)
+        .map(ToString::to_string)
         .collect::<Vec<_>>()
         .join(", ");
     NetworkError::Open {
         what,
         reason: reason.to_string(),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn loopback_is_told_from_the_rest() {
-        for inside in [
-            "tcp/127.0.0.1:7547",
-            "udp/[::1]:1",
-            "tcp/localhost:0",
-            "tcp/127.8.9.1:7",
-        ] {
-            assert!(is_loopback(inside), "{inside}");
-        }
-        for outside in [
-            "tcp/0.0.0.0:7547",
-            "tcp/[::]:7547",
-            "tcp/192.168.1.2:7547",
-            "tcp/example.org:1",
-        ] {
-            assert!(!is_loopback(outside), "{outside}");
-        }
-    }
-
-    #[test]
-    fn malformed_endpoints_are_named() {
-        for bad in [
-            "127.0.0.1:7547",
-            "tcp/127.0.0.1",
-            "http/127.0.0.1:1",
-            "tcp/:7547",
-            "tcp/127.0.0.1:99999",
-            "tcp/a\",\"b:1",
-            "tcp/a b:1",
-        ] {
-            assert!(
-                check_endpoint(bad).unwrap_err().to_string().contains(bad),
-                "{bad}"
-            );
-        }
-        assert!(check_endpoint("udp/[::1]:7547").is_ok());
-    }
-
-    #[test]
-    fn the_neighbour_is_the_next_port() {
-        assert_eq!(
-            neighbour("tcp/127.0.0.1:7547", 1).unwrap(),
-            "tcp/127.0.0.1:7548"
-        );
-        assert_eq!(neighbour("tcp/127.0.0.1:0", 1).unwrap(), "tcp/127.0.0.1:0");
-        assert!(neighbour("tcp/127.0.0.1:65535", 1).is_err());
     }
 }

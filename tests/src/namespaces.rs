@@ -4,17 +4,26 @@
 //! to test.
 
 use std::fs::File;
+use std::io::Read as _;
 use std::net::Ipv4Addr;
 use std::os::fd::AsRawFd;
 use std::path::PathBuf;
 use std::process::Command;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::JoinHandle;
+use std::time::Duration;
 
 use anyhow::{Context as _, Result, ensure};
+use socket2::{Domain, Protocol, Socket, Type};
 
 /// Address of the server's end.
 pub const SERVER: Ipv4Addr = Ipv4Addr::new(10, 77, 0, 1);
 /// Address of the handle's end.
 pub const HANDLE: Ipv4Addr = Ipv4Addr::new(10, 77, 0, 2);
+
+/// What crosses no cable has no addresses of devices.
+const OF_LOOPBACK: [u8; 12] = [0; 12];
 
 /// Two namespaces and the cable; gone when dropped.
 #[derive(Debug)]
@@ -85,11 +94,59 @@ impl Pair {
         })
     }
 
+    /// Everything that comes over the cable from now on, as it crosses, at the server's end.
+    ///
+    /// # Errors
+    /// The thread cannot go there, or has no right to listen.
+    pub fn overhear(&self) -> Result<Overheard> {
+        let socket = self.at_the_server(|| {
+            let every = (libc::ETH_P_ALL as u16).to_be();
+            let protocol = Some(Protocol::from(i32::from(every)));
+            Socket::new(Domain::PACKET, Type::RAW, protocol)
+        })??;
+        socket.set_recv_buffer_size(32 << 20)?;
+        socket.set_read_timeout(Some(Duration::from_millis(100)))?;
+        let over = Arc::new(AtomicBool::new(false));
+        let stop = Arc::clone(&over);
+        let thread = std::thread::spawn(move || {
+            let (mut socket, mut packets) = (socket, Vec::new());
+            let mut packet = vec![0; 1 << 17];
+            while !stop.load(Ordering::Relaxed) {
+                // Nothing for a while is nothing yet.
+                if let Ok(length) = socket.read(&mut packet)
+                    && packet[..12] != OF_LOOPBACK
+                {
+                    packets.push(packet[..length].to_vec());
+                }
+            }
+            packets
+        });
+        Ok(Overheard { over, thread })
+    }
+
     /// A command that runs `program` at the handle's end.
     pub fn at_the_handle(&self, program: &PathBuf) -> Command {
         let mut command = Command::new("ip");
         command.args(["netns", "exec", &self.handle]).arg(program);
         command
+    }
+}
+
+/// Somebody who listens at the cable.
+#[derive(Debug)]
+pub struct Overheard {
+    over: Arc<AtomicBool>,
+    thread: JoinHandle<Vec<Vec<u8>>>,
+}
+
+impl Overheard {
+    /// Ends it, and gives every packet, its Ethernet header first.
+    ///
+    /// # Panics
+    /// The thread has.
+    pub fn packets(self) -> Vec<Vec<u8>> {
+        self.over.store(true, Ordering::Relaxed);
+        self.thread.join().expect("it only reads")
     }
 }
 

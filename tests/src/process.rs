@@ -229,6 +229,9 @@ impl Process {
     /// It cannot be waited for.
     pub fn kill(&mut self) -> Result<Instant> {
         let at = Instant::now();
+        if self.has_ended {
+            return Ok(at);
+        }
         self.signal(libc::SIGKILL);
         self.child.wait()?;
         self.has_ended = true;

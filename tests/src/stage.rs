@@ -2,7 +2,7 @@
 
 use std::ffi::OsStr;
 use std::net::{Ipv4Addr, SocketAddr, TcpListener, UdpSocket};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::atomic::{AtomicU16, Ordering};
 use std::time::Duration;
@@ -27,6 +27,8 @@ pub enum Transport {
     Tcp,
     /// Does not: what is lost is lost.
     Udp,
+    /// Does for what must arrive, and not for frames; encrypted.
+    Quic,
 }
 
 /// Ports that nobody uses now: one for HTTP, two neighbours for Zenoh.
@@ -89,6 +91,7 @@ pub struct Server {
     host: Ipv4Addr,
     ports: Ports,
     transport: Transport,
+    data: PathBuf,
 }
 
 impl Server {
@@ -118,18 +121,39 @@ impl Server {
         Self::start_as(host, ports, transport, token)
     }
 
+    /// Starts one on `host` whose Zenoh is encrypted and that has the token [`TOKEN`].
+    ///
+    /// # Errors
+    /// As [`start`](Self::start).
+    pub fn secure(host: Ipv4Addr) -> Result<Self> {
+        Self::secure_at(host, Ports::free()?)
+    }
+
+    /// The same on these ports.
+    ///
+    /// # Errors
+    /// As [`start`](Self::start).
+    pub fn secure_at(host: Ipv4Addr, ports: Ports) -> Result<Self> {
+        Self::start_as(host, ports, Transport::Quic, Some(TOKEN))
+    }
+
     fn start_as(
         host: Ipv4Addr,
         ports: Ports,
         transport: Transport,
         token: Option<&str>,
     ) -> Result<Self> {
+        let data = crate::process::scratch()?.join("data");
         let mut command = Command::new(program("teleclay-server")?);
         command
             .env_remove("TELECLAY_TOKEN")
             .args(["--listen", &format!("127.0.0.1:{}", ports.http)])
             .args(["--zenoh-listen", &endpoint_on(host, transport, ports.zenoh)])
-            .args(["--data-dir".into(), data_folder()?]);
+            .arg("--data-dir")
+            .arg(&data);
+        if transport != Transport::Quic {
+            command.arg("--without-tls");
+        }
         if let Some(token) = token {
             let config = crate::process::scratch()?.join("server.toml");
             std::fs::write(&config, format!("token = \"{token}\"\n"))?;
@@ -148,7 +172,44 @@ impl Server {
             host,
             ports,
             transport,
+            data,
         })
+    }
+
+    /// Invites somebody, as a person beside the server would; gives what is printed, line by line.
+    ///
+    /// # Errors
+    /// The command fails; then what it says.
+    pub fn invite(&self, flags: &[&str]) -> Result<Vec<String>> {
+        self.beside(&[&["invite", DEMO], flags].concat())
+    }
+
+    /// Takes an invite back, by its number.
+    ///
+    /// # Errors
+    /// The command fails; then what it says.
+    pub fn revoke(&self, number: &str) -> Result<Vec<String>> {
+        self.beside(&["invites", "--revoke", number])
+    }
+
+    fn beside(&self, words: &[&str]) -> Result<Vec<String>> {
+        let ran = Command::new(program("teleclay-server")?)
+            .args(words)
+            .arg("--data-dir")
+            .arg(&self.data)
+            .output()?;
+        anyhow::ensure!(
+            ran.status.success(),
+            "{}",
+            String::from_utf8_lossy(&ran.stderr)
+        );
+        let said = String::from_utf8(ran.stdout)?;
+        Ok(said.lines().map(str::to_owned).collect())
+    }
+
+    /// Its data folder.
+    pub fn data(&self) -> &Path {
+        &self.data
     }
 
     /// Starts one on free ports, with TCP.
@@ -173,6 +234,11 @@ impl Server {
         endpoint_on(self.host, self.transport, self.ports.zenoh)
     }
 
+    /// Where everything but frames goes.
+    pub fn slow_endpoint(&self) -> String {
+        endpoint_on(self.host, self.transport, self.ports.zenoh + 1)
+    }
+
     /// The address of the control session.
     pub fn zenoh_address(&self) -> SocketAddr {
         SocketAddr::from((self.host, self.ports.zenoh))
@@ -184,10 +250,12 @@ impl Server {
     }
 }
 
-fn data_folder() -> Result<std::ffi::OsString> {
-    // Nothing of a test is kept; the folder goes with the process's own.
-    let folder = std::env::temp_dir().join(format!("teleclay-test-{}-data", std::process::id()));
-    Ok(folder.into_os_string())
+impl Drop for Server {
+    fn drop(&mut self) {
+        // Nothing of a test is kept; what cannot be ended or removed is left to whoever started the test.
+        let _ = self.process.kill();
+        let _ = std::fs::remove_dir_all(&self.data);
+    }
 }
 
 /// The endpoint of a port of loopback.
@@ -199,6 +267,7 @@ fn endpoint_on(host: Ipv4Addr, transport: Transport, port: u16) -> String {
     match transport {
         Transport::Tcp => format!("tcp/{host}:{port}"),
         Transport::Udp => format!("udp/{host}:{port}"),
+        Transport::Quic => format!("quic/{host}:{port}"),
     }
 }
 
@@ -231,6 +300,14 @@ impl HandleOptions {
             session: DEMO.to_owned(),
             operator: "Ada".to_owned(),
             more: Vec::new(),
+        }
+    }
+
+    /// Ada, who was invited by this line.
+    pub fn invited(line: &str) -> Self {
+        Self {
+            connect: String::new(),
+            ..Self::new("").with(&["--invite", line])
         }
     }
 
@@ -274,13 +351,16 @@ impl Handle {
         let recording = crate::process::scratch()?.join("ticks.csv");
         command
             .env_remove("TELECLAY_TOKEN")
-            .args(["--connect", &options.connect])
-            .args(["--session", &options.session])
             .args(["--operator", &options.operator])
             .arg("--json")
             .arg("--record")
             .arg(&recording)
             .args(options.more.iter().map(OsStr::new));
+        // An invite says where to.
+        if !options.connect.is_empty() {
+            let place = ["--connect", &options.connect, "--session", &options.session];
+            command.args(place);
+        }
         let process = Process::start(&options.operator, command)?;
         Ok(Self { process, recording })
     }

@@ -68,11 +68,20 @@ fn http(text: &str) -> Result<SocketAddr, String> {
         Ok(address) if address.port() == 0 => {
             Err("port 0 would be any free port, and then nobody knows where to look".to_owned())
         }
+        Ok(address) if !address.ip().is_loopback() => Err(elsewhere(text)),
         Ok(address) => Ok(address),
         Err(_) => Err(format!(
             "{text:?} is no address with a port, such as 127.0.0.1:8080"
         )),
     }
+}
+
+/// The demo speaks in the clear, and moves a hand.
+fn elsewhere(text: &str) -> String {
+    format!(
+        "{text:?} lies beyond this machine, and the demo stays on it: start teleclay-server for others to reach, which \
+         encrypts (docs/remote.md)"
+    )
 }
 
 fn zenoh(text: &str) -> Result<(Transport, SocketAddr), String> {
@@ -91,6 +100,7 @@ fn zenoh(text: &str) -> Result<(Transport, SocketAddr), String> {
         .ok_or_else(wanted)?;
     match address.port() {
         0 => Err(wanted()),
+        _ if !address.ip().is_loopback() => Err(elsewhere(text)),
         u16::MAX => Err(format!(
             "{text} has no next port, and the server needs it too"
         )),

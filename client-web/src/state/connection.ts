@@ -1,7 +1,7 @@
 // The stream from the server: opened, watched, and opened again for as long as the page lives.
 
 import { signal, type ReadonlySignal } from "@preact/signals-core";
-import { decodeSessions, encodeText, SUBPROTOCOL } from "../protocol/text";
+import { decodeProblem, decodeSessions, encodeText, SUBPROTOCOL } from "../protocol/text";
 import type { Platform, Socket, SocketEnd } from "./platform";
 
 export const API = "api/v1";
@@ -15,7 +15,9 @@ export type Phase =
    */
   | { readonly name: "away"; readonly attempts: number; readonly retryAt_ms: number; readonly because: string | undefined }
   /** The server answers, and has no session to show. */
-  | { readonly name: "empty" };
+  | { readonly name: "empty" }
+  /** The server answers, and wants another token, or one at all; `because` is what it says. */
+  | { readonly name: "locked"; readonly because: string };
 
 export interface StreamHandlers {
   onText(text: string): void;
@@ -100,6 +102,11 @@ export class Connection {
       this.#pause();
       return;
     }
+    if (typeof known === "string") {
+      // Asked again when there is another token: each wrong one counts.
+      this.#phase.value = { name: "locked", because: known };
+      return;
+    }
     this.#sessions.value = known;
     const session = this.#wanted !== undefined && known.includes(this.#wanted) ? this.#wanted : known.at(0);
     if (session === undefined) {
@@ -110,9 +117,13 @@ export class Connection {
     this.#connect(session, turn);
   }
 
-  async #list(): Promise<string[] | undefined> {
+  /** The sessions; in words, why the server does not tell them; nothing if nobody answers. */
+  async #list(): Promise<string[] | string | undefined> {
     try {
       const answer = await this.#platform.request("GET", `${API}/sessions`);
+      if (answer.status === 401 || answer.status === 429) {
+        return decodeProblem(answer.body)?.detail ?? `status ${answer.status}`;
+      }
       return answer.status === 200 ? decodeSessions(answer.body).map(({ id }) => id) : undefined;
     } catch {
       return undefined; // nobody answers, or somebody else does: either way the server is away

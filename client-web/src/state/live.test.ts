@@ -36,6 +36,22 @@ describe("the connection", () => {
     expect(live.isCurrent.value).toBe(true);
   });
 
+  it("asks for a token once where the server wants another, and again when there is one", async () => {
+    const platform = new FakePlatform();
+    const detail = "the request shows none";
+    const problem = JSON.stringify({ type: "/problems/token", title: "a token is needed", status: 401, detail });
+    platform.answer = () => ({ status: 401, body: problem });
+    const live = new Live(platform);
+    live.open(undefined);
+    await platform.pass(60_000);
+    expect(live.connection.phase.value).toEqual({ name: "locked", because: detail });
+    expect(platform.requests).toHaveLength(1);
+    platform.answer = () => ({ status: 200, body: "[]" });
+    live.connection.retryNow();
+    await platform.pass(1000);
+    expect(live.connection.phase.value).toEqual({ name: "empty" });
+  });
+
   it("is away as soon as the socket closes, and ignores what an old socket still says", async () => {
     const { platform, live } = await connected([fakeSession()]);
     const old = platform.lastSocket;

@@ -7,6 +7,7 @@ import { fixed } from "./format";
 import { addressOf, currentPage, PAGES } from "./pages";
 import { live, openSession } from "./store";
 import { nextTheme, themeChoice } from "./theme";
+import { showToken } from "./token";
 
 export function App(): JSX.Element {
   useSignalEffect(() => {
@@ -115,6 +116,7 @@ function Banner(): JSX.Element | null {
       </div>
     );
   }
+  if (phase.name === "locked") return <TokenBanner because={phase.because} />;
   if (phase.name === "empty") {
     return (
       <div class="banner" role="status" data-testid="banner">
@@ -132,6 +134,32 @@ function Banner(): JSX.Element | null {
     );
   }
   return null;
+}
+
+/** Asks for the token of a server that wants one. */
+function TokenBanner({ because }: { because: string }): JSX.Element {
+  const words = useSignal("");
+  const show = (event: Event): void => {
+    event.preventDefault();
+    if (words.value.trim() === "") return;
+    showToken(words.value.trim());
+    live.connection.retryNow();
+  };
+  return (
+    <form class="banner" onSubmit={show} data-testid="banner">
+      <label class="token">
+        <span>This server wants a token ({because}). Open the link of an invite, or enter one:</span>
+        <input
+          type="password"
+          autocomplete="off"
+          value={words.value}
+          onInput={({ currentTarget }) => (words.value = currentTarget.value)}
+          data-testid="token"
+        />
+      </label>
+      <button type="submit">Show it</button>
+    </form>
+  );
 }
 
 async function createDemo(): Promise<void> {

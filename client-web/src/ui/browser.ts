@@ -1,6 +1,7 @@
 // The browser as state/ wants to see it: sockets, requests, timers.
 
 import type { Answer, Platform, Socket, SocketEvents } from "../state/platform";
+import { token } from "./token";
 
 /** A request that takes longer has failed, unless it is known to be long: the server answers in milliseconds. */
 const REQUEST_MS = 5000;
@@ -19,7 +20,9 @@ export const browser: Platform = {
 function connect(path: string, subprotocol: string, events: SocketEvents): Socket {
   const url = new URL(path, document.baseURI);
   url.protocol = url.protocol === "https:" ? "wss:" : "ws:";
-  const socket = new WebSocket(url, subprotocol);
+  // A page cannot set headers here: the token goes beside the subprotocol.
+  const bearer = token.peek();
+  const socket = new WebSocket(url, bearer === undefined ? subprotocol : [subprotocol, `bearer.${bearer}`]);
   socket.binaryType = "arraybuffer";
   socket.onopen = () => events.onOpen();
   socket.onclose = ({ code, reason }) => events.onClose({ code, reason });
@@ -39,7 +42,23 @@ async function request(method: "GET" | "POST" | "PATCH", path: string, body?: un
   const response = await fetch(new URL(path, document.baseURI), {
     method,
     signal: AbortSignal.timeout(patience_ms),
-    ...(body === undefined ? {} : { headers: { "content-type": "application/json" }, body: JSON.stringify(body) }),
+    headers: { ...authorization(), ...(body === undefined ? {} : { "content-type": "application/json" }) },
+    ...(body === undefined ? {} : { body: JSON.stringify(body) }),
   });
   return { status: response.status, body: await response.text() };
+}
+
+function authorization(): Record<string, string> {
+  const bearer = token.peek();
+  return bearer === undefined ? {} : { authorization: `Bearer ${bearer}` };
+}
+
+/** A file of the server's, for whoever sits at the page; the reason in words where it cannot be had. */
+export async function fetchFile(path: string): Promise<Blob | string> {
+  try {
+    const response = await fetch(new URL(path, document.baseURI), { headers: authorization() });
+    return response.ok ? await response.blob() : `the server answers with ${response.status}`;
+  } catch {
+    return "the server does not answer";
+  }
 }

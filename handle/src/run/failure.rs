@@ -2,6 +2,7 @@
 
 use teleclay_link::safety::Implausible;
 use teleclay_proto::SessionId;
+use teleclay_shell::certificate::ProbeError;
 use teleclay_shell::network::NetworkError;
 
 use crate::device::DeviceError;
@@ -22,6 +23,9 @@ pub enum Failure {
         /// What the join failed of.
         source: JoinError,
     },
+    /// Whoever answers must not be spoken to.
+    #[error(transparent)]
+    Certificate(#[from] ProbeError),
     /// The lease cannot be used.
     #[error(transparent)]
     Line(#[from] LineError),
@@ -56,7 +60,7 @@ impl Failure {
     /// The exit code of the program, see [`EXIT_CODES`].
     pub const fn exit_code(&self) -> u8 {
         match self {
-            Self::Join { .. } => 2,
+            Self::Join { .. } | Self::Certificate(_) => 2,
             Self::Fault(_) | Self::ThreadEnded | Self::Device(_) => 3,
             Self::NoServer { .. } => 4,
             Self::Network(_) | Self::Line(_) | Self::Open(_) | Self::Thread(_) => 1,
@@ -69,7 +73,7 @@ pub const EXIT_CODES: &str = "\
 Exit codes:
   0   ended as asked, by --seconds, Ctrl-C or SIGTERM
   1   could not run: an endpoint, thread or device is not to be had
-  2   not let in: the server refuses, or its answer cannot be used; the reason is on stderr
+  2   not let in: the server refuses, or its answer or its certificate cannot be used; the reason is on stderr
   3   fault: a value that is not finite, or the device is lost; force was released
   4   no server: the time is over and none answered at its end
   64  the command line is wrong";

@@ -7,6 +7,7 @@ use teleclay_bilateral::LinkState;
 use teleclay_link::time::Timestamp;
 use teleclay_proto::PROTOCOL;
 use teleclay_proto::join::JoinRequest;
+use teleclay_shell::endpoint::Endpoint;
 use teleclay_shell::network::{self, Endpoints};
 use teleclay_shell::realtime::Realtime;
 use teleclay_shell::ticker::TickerConfig;
@@ -17,7 +18,7 @@ use crate::device::DeviceSetup;
 use crate::engine::{CAPACITIES, Engine, Order};
 use crate::event::Event;
 use crate::grant::JoinGrant;
-use crate::join::{self, JoinTarget, OldLease};
+use crate::join::{self, JoinError, JoinTarget, OldLease};
 use crate::line::Line;
 use crate::refresh::lower;
 
@@ -38,8 +39,13 @@ impl Run {
                 device: self.options.device.clone(),
             },
             token: self.options.token.clone(),
+            invite: self.options.invite,
+            door: self.options.door.clone(),
         };
-        let old = self.line.as_ref().map(|line| OldLease {
+        // What the server has taken back need not be given back, nor waited for.
+        let held = self.line.as_ref();
+        let held = held.filter(|line| self.taken_back != Some(line.grant.granted.lease));
+        let old = held.map(|line| OldLease {
             keys: line.grant.keys.clone(),
             channel: Arc::clone(&line.grant.channel),
             lease: line.grant.granted.lease,
@@ -144,10 +150,19 @@ impl Run {
     }
 
     async fn open_slow(&mut self, granted: Option<&str>) -> Result<(), Failure> {
-        let endpoint = granted.map_or_else(
-            || self.options.connect.clone(),
-            |slow| reachable(slow, &self.options.connect),
-        );
+        let known = &self.options.door.endpoint;
+        let endpoint = match granted.map(str::parse::<Endpoint>) {
+            None => known.clone(),
+            Some(Ok(slow)) => reachable(&slow, known),
+            Some(Err(error)) => {
+                return Err(Failure::Join {
+                    session: self.options.session.clone(),
+                    source: JoinError::Unusable {
+                        reason: error.to_string(),
+                    },
+                });
+            }
+        };
         if self
             .slow
             .as_ref()
@@ -156,8 +171,8 @@ impl Run {
             return Ok(());
         }
         let endpoints = Endpoints {
-            connect: vec![endpoint.clone()],
-            ..Endpoints::default()
+            trusted: self.trusted.clone(),
+            ..Endpoints::connecting(endpoint.clone())
         };
         let session = network::open(&endpoints).await?;
         if let Some((_, old)) = self.slow.replace((endpoint, session)) {
@@ -177,16 +192,11 @@ fn pause_after(unheard: u32) -> Duration {
 }
 
 /// The slow endpoint as seen from here: a server that listens everywhere names no address of its own.
-fn reachable(slow: &str, connect: &str) -> String {
-    let host = |endpoint: &str| {
-        let address = endpoint.split_once('/').map(|(_, address)| address)?;
-        address.rsplit_once(':').map(|(host, _)| host.to_owned())
-    };
-    match (host(slow), host(connect)) {
-        (Some(everywhere), Some(known)) if everywhere == "0.0.0.0" || everywhere == "[::]" => {
-            slow.replacen(&everywhere, &known, 1)
-        }
-        _ => slow.to_owned(),
+fn reachable(slow: &Endpoint, known: &Endpoint) -> Endpoint {
+    if slow.is_everywhere() {
+        slow.on(&known.host)
+    } else {
+        slow.clone()
     }
 }
 
@@ -205,15 +215,17 @@ mod tests {
 
     #[test]
     fn a_slow_endpoint_that_listens_everywhere_is_reached_where_the_server_is() {
-        let connect = "tcp/192.0.2.7:7547";
-        assert_eq!(reachable("tcp/0.0.0.0:7548", connect), "tcp/192.0.2.7:7548");
-        assert_eq!(
-            reachable("udp/[::]:7548", "tcp/[2001:db8::1]:7547"),
-            "udp/[2001:db8::1]:7548"
-        );
-        assert_eq!(
-            reachable("tcp/127.0.0.1:7548", connect),
-            "tcp/127.0.0.1:7548"
-        );
+        for (slow, known, reached) in [
+            ("tcp/0.0.0.0:7548", "tcp/192.0.2.7:7547", "tcp/192.0.2.7:7548"),
+            (
+                "quic/[::]:7548?mixed_rel=0",
+                "quic/[2001:db8::1]:7547",
+                "quic/[2001:db8::1]:7548?mixed_rel=0",
+            ),
+            ("tcp/127.0.0.1:7548", "tcp/192.0.2.7:7547", "tcp/127.0.0.1:7548"),
+        ] {
+            let [slow, known] = [slow, known].map(|text| text.parse().unwrap());
+            assert_eq!(reachable(&slow, &known).to_string(), reached);
+        }
     }
 }

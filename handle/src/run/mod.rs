@@ -17,8 +17,10 @@ use std::time::Duration;
 use teleclay_bilateral::LinkState;
 use teleclay_device::DeviceProfile;
 use teleclay_link::scheme::SchemeContext;
+use teleclay_proto::invite::InviteId;
 use teleclay_proto::join::FreshReply;
 use teleclay_proto::{RealmName, SessionId};
+use teleclay_shell::endpoint::Endpoint;
 use teleclay_shell::network::{self, Endpoints};
 use teleclay_shell::realtime::Ends;
 use teleclay_shell::ticker::{Scheduling, Ticker};
@@ -28,12 +30,13 @@ use tokio::sync::watch;
 use tokio::time::{Instant, Interval, MissedTickBehavior, interval, sleep_until, timeout};
 use zenoh::Session;
 
+use crate::door::Door;
 use crate::device::{Device, DeviceError, DeviceSetup};
 use crate::engine::{Engine, Mode, Order};
 use crate::event::Event;
 use crate::grant::JoinGrant;
 use crate::join::{self, JoinError};
-use crate::line::Line;
+use crate::line::{Gone, Line};
 use crate::recording::Recording;
 use crate::refresh::Fresh;
 use crate::singularity::SingularityMonitor;
@@ -49,6 +52,8 @@ const STATUS_EVERY: Duration = Duration::from_secs(1);
 const REST_WITHIN: Duration = Duration::from_millis(500);
 /// Ticks that say goodbye at least: enough for one of them to get through a line that loses every second frame.
 const GOODBYES: u64 = 10;
+/// Longer than anybody waits.
+const NEVER: Duration = Duration::from_secs(u32::MAX as u64);
 /// A session that will not close is left to the end of the process.
 const CLOSE_WITHIN: Duration = Duration::from_secs(1);
 
@@ -58,16 +63,18 @@ pub type OpenDevice =
 
 /// What to run.
 pub struct Options {
-    /// Zenoh endpoint of the server.
-    pub connect: String,
+    /// The way to the server.
+    pub door: Door,
     /// The session to join.
     pub session: SessionId,
     /// The realm that it belongs to.
     pub realm: RealmName,
     /// Who holds the handle.
     pub operator: String,
-    /// The server's token, when it asks for one.
+    /// The server's token, when it asks for one, or that of an invite.
     pub token: Option<String>,
+    /// Which invite, if the token is that of one.
+    pub invite: Option<InviteId>,
     /// What the handle is, for people to read.
     pub device: String,
     /// What it may do to the hand. What a server asks for is taken only below it.
@@ -104,20 +111,16 @@ pub struct Ending {
 /// Runs until the end that was asked for, or until a failure. Needs a runtime of several threads.
 pub async fn run(options: Options, mut until: Until, events: UnboundedSender<Event>) -> Ending {
     let started = Instant::now();
-    let endpoints = Endpoints {
-        connect: vec![options.connect.clone()],
-        ..Endpoints::default()
-    };
-    let control = match network::open(&endpoints).await {
-        Ok(control) => control,
-        Err(error) => {
+    let (control, trusted) = match reach(&options, &mut until, &events).await {
+        Ok(Some(reached)) => reached,
+        not => {
             return Ending {
                 summary: Status::default(),
-                outcome: Err(error.into()),
+                outcome: not.map(|_| ()),
             };
         }
     };
-    let mut run = Run::new(options, control, events, started);
+    let mut run = Run::new(options, control, trusted, events, started);
     let outcome = run.attend(&mut until).await;
     let is_over = run.leave().await;
     // A fault met while leaving is one all the same.
@@ -126,6 +129,39 @@ pub async fn run(options: Options, mut until: Until, events: UnboundedSender<Eve
     let summary = run.metrics.summary(started.elapsed(), state);
     run.close().await;
     Ending { summary, outcome }
+}
+
+/// The session for frames, and the certificate that it trusts, if it must be told; nothing where the end came first.
+async fn reach(
+    options: &Options,
+    until: &mut Until,
+    events: &UnboundedSender<Event>,
+) -> Result<Option<(Session, Option<String>)>, Failure> {
+    let began = Instant::now();
+    let tell = || {
+        // Whoever listened has gone: then nobody needs to know.
+        let _ = events.send(Event::Waiting {
+            session: options.session.clone(),
+            others: Vec::new(),
+        });
+    };
+    let deadline = until.deadline.unwrap_or_else(|| Instant::now() + NEVER);
+    let trusted = tokio::select! {
+        trusted = options.door.wait(tell) => trusted?,
+        _ = until.stop.wait_for(|stop| *stop) => return Ok(None),
+        () = sleep_until(deadline) => {
+            return Err(Failure::NoServer {
+                endpoint: options.door.endpoint.to_string(),
+                session: options.session.clone(),
+                waited_s: began.elapsed().as_secs_f64(),
+            });
+        }
+    };
+    let endpoints = Endpoints {
+        trusted: trusted.clone(),
+        ..Endpoints::connecting(options.door.endpoint.clone())
+    };
+    Ok(Some((network::open(&endpoints).await?, trusted)))
 }
 
 type Searching = Pin<Box<dyn Future<Output = Result<Box<JoinGrant>, JoinError>> + Send>>;
@@ -144,8 +180,10 @@ struct Run {
     clock: Clock,
     started: Instant,
     control: Session,
+    /// The certificate that Zenoh trusts beside those of public authorities, in PEM.
+    trusted: Option<String>,
     /// Queries and liveliness while frames fly, on an endpoint of its own.
-    slow: Option<(String, Session)>,
+    slow: Option<(Endpoint, Session)>,
     events: UnboundedSender<Event>,
     metrics: Metrics,
     rig: Option<Rig>,
@@ -167,10 +205,12 @@ struct Run {
     context: Option<SchemeContext>,
     /// Time without a frame, as of the last record of the lease that is held.
     silence: Duration,
-    /// Gets the lease whose server has gone.
-    gone: (UnboundedSender<u32>, UnboundedReceiver<u32>),
-    /// The lease whose server is said to be gone, and since when.
-    said_gone: Option<(u32, Instant)>,
+    /// Gets the lease that is over, or whose server has gone.
+    gone: (UnboundedSender<Gone>, UnboundedReceiver<Gone>),
+    /// The lease that the server itself has said is over.
+    taken_back: Option<u32>,
+    /// What was said of it last, and since when.
+    said_gone: Option<(Gone, Instant)>,
     /// Of the last record: lease, state of the link, and since when it lasts.
     link_state: (u32, LinkState, Instant),
     mode: Mode,
@@ -182,6 +222,7 @@ impl Run {
     fn new(
         options: Options,
         control: Session,
+        trusted: Option<String>,
         events: UnboundedSender<Event>,
         started: Instant,
     ) -> Self {
@@ -190,6 +231,7 @@ impl Run {
             options,
             started,
             control,
+            trusted,
             slow: None,
             events,
             metrics: Metrics::new(),
@@ -207,6 +249,7 @@ impl Run {
             context: None,
             silence: Duration::ZERO,
             gone: unbounded_channel(),
+            taken_back: None,
             said_gone: None,
             link_state: (0, LinkState::NotYet, started),
             mode: Mode::Resting,
@@ -240,7 +283,7 @@ impl Run {
                         Ok(FreshReply::Refused { reason }) | Err(reason) => Event::NoFreshClay { reason },
                     });
                 }
-                Some(lease) = self.gone.1.recv() => self.on_server_gone(lease),
+                Some(gone) = self.gone.1.recv() => self.on_server_gone(gone),
                 fresh = finished(&mut self.refreshing) => {
                     self.refreshing = None;
                     self.on_refreshed(fresh);
@@ -261,7 +304,7 @@ impl Run {
             return Ok(());
         }
         Err(Failure::NoServer {
-            endpoint: self.options.connect.clone(),
+            endpoint: self.options.door.endpoint.to_string(),
             session: self.options.session.clone(),
             waited_s: self.searching_since.elapsed().as_secs_f64(),
         })

@@ -14,6 +14,7 @@ use crate::engine::{Order, Record};
 use crate::event::Event;
 use crate::grant::JoinGrant;
 use crate::join;
+use crate::line::Gone;
 use crate::refresh::{self, Fresh, Wanted};
 
 /// Without frames for this long a lease counts as lost. Shorter gaps mend themselves.
@@ -194,37 +195,43 @@ impl Run {
 
     /// The server's process has ended, or somebody says so: anybody can show the token and take it away. What is true
     /// shows within a moment, since a server that has ended sends nothing.
-    pub(super) fn on_server_gone(&mut self, lease: u32) {
+    pub(super) fn on_server_gone(&mut self, gone: Gone) {
         let is_current = self
             .line
             .as_ref()
-            .is_some_and(|line| line.grant.granted.lease == lease);
+            .is_some_and(|line| line.grant.granted.lease == gone.lease);
         // A token also goes when Zenoh gives up a line that has long been silent. A process that dies is seen at once.
         let was_heard = self.silence < HEARD_WITHIN;
-        if is_current && !self.is_leaving && was_heard {
-            self.said_gone = Some((lease, Instant::now()));
+        if is_current && !self.is_leaving && (was_heard || gone.reason.is_some()) {
+            self.said_gone = Some((gone, Instant::now()));
         }
     }
 
-    /// Lets go if the server was said to be gone and is silent, too: the force goes, and another lease is asked for.
+    /// Lets go if the server was said to be gone and is silent, too, or has said itself that the lease is over: the
+    /// force goes, and another lease is asked for.
     fn believe_gone(&mut self, lease: u32) {
-        let Some((_, said)) = self.said_gone.filter(|(gone, _)| *gone == lease) else {
+        let Some((gone, said)) = self.said_gone.take_if(|(gone, _)| gone.lease == lease) else {
             return;
         };
-        if self.silence < GONE_AFTER {
-            if HEARD_WITHIN < said.elapsed() {
-                self.said_gone = None;
+        if gone.reason.is_none() && self.silence < GONE_AFTER {
+            if said.elapsed() <= HEARD_WITHIN {
+                self.said_gone = Some((gone, said));
             }
             return;
         }
-        self.said_gone = None;
         if let Some(rig) = &mut self.rig {
             // A full ring means a thread that has stopped: nothing is felt then.
             let _ = rig.ends.orders.push(Order::Release { lease });
         }
         if self.searching.is_none() {
             self.lost_at.get_or_insert_with(Instant::now);
-            self.emit(Event::ServerGone);
+            if gone.reason.is_some() {
+                self.taken_back = Some(lease);
+            }
+            self.emit(match gone.reason {
+                Some(reason) => Event::TakenBack { reason },
+                None => Event::ServerGone,
+            });
             self.search();
         }
     }

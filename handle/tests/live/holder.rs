@@ -7,6 +7,7 @@ use teleclay_device::DeviceSample;
 use teleclay_handle::device::{
     Device, DeviceCommand, DeviceError, DeviceKind, DeviceRequest, DeviceSetup, SimulatedDevice,
 };
+use teleclay_handle::door::Door;
 use teleclay_handle::event::Event;
 use teleclay_handle::intent::Intent;
 use teleclay_handle::run::{Ending, OpenDevice, Options, Until};
@@ -139,7 +140,11 @@ impl Holder {
         let (stop, stopped) = watch::channel(false);
         let (emit, events) = unbounded_channel();
         let options = Options {
-            connect: endpoint.to_owned(),
+            door: Door {
+                endpoint: endpoint.parse().unwrap(),
+                fingerprint: None,
+            },
+            invite: None,
             session: SessionId::new("demo").expect("a name"),
             realm: RealmName::new("local").expect("a name"),
             operator: "Ada".to_owned(),

@@ -21,6 +21,7 @@ use teleclay_proto::join::{
 use teleclay_proto::keys::SessionKeys;
 use teleclay_proto::{NodeName, RealmName, Scheme, SessionId};
 use teleclay_shell::Clock;
+use teleclay_shell::endpoint::Endpoint;
 use teleclay_shell::network::{self, CONTROL_QOS, Endpoints};
 use tokio::sync::mpsc::{UnboundedReceiver, UnboundedSender, unbounded_channel};
 use zenoh::pubsub::Subscriber;
@@ -131,7 +132,11 @@ impl Server {
         first_lease: u32,
         parameters: LoopParameters,
     ) -> Self {
-        let slow_endpoint = network::neighbour(endpoint, 1).expect("the port was chosen so");
+        let neighbour = endpoint.parse().map(|endpoint: Endpoint| endpoint.neighbour(1));
+        let slow_endpoint = neighbour
+            .expect("it is one")
+            .expect("the port was chosen so")
+            .to_string();
         let control = network::open(&listening(endpoint))
             .await
             .expect("the port is free");
@@ -206,10 +211,7 @@ impl Server {
 }
 
 fn listening(endpoint: &str) -> Endpoints {
-    Endpoints {
-        listen: vec![endpoint.to_owned()],
-        ..Endpoints::default()
-    }
+    Endpoints::listening(endpoint.parse().expect("it is one"))
 }
 
 /// One node's session.

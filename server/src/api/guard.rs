@@ -1,24 +1,31 @@
-//! Who may ask: host, origin and token, checked before anything else happens.
+//! Who may ask what: host, origin, token and what it is good for, checked before anything else happens.
 //!
 //! | check | against | applies |
 //! |---|---|---|
 //! | Host | a name of somebody else's that resolves to this machine, so that their page is "same origin" here | all requests while no token is configured |
 //! | Origin | a page from elsewhere that asks on behalf of its visitor; WebSockets are not covered by CORS | requests that change something, and WebSockets |
 //! | token | everyone else; after many wrong ones, everybody at that address for a while | `/api/v1` and `/metrics` while one is configured |
+//! | what it is good for | guests who go further than they were invited to | the same |
 
 use std::net::IpAddr;
 use std::time::Instant;
 
 use axum::extract::{Request, State};
 use axum::http::uri::Authority;
+use axum::extract::OriginalUri;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, Uri, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
+use teleclay_doors::audit::Deed;
 use teleclay_front::{Peer, Tries};
+use teleclay_proto::invite::Role;
 use tower_http::cors::CorsLayer;
 
-use super::problem::{Failure, HOST, HOST_MISSING, ORIGIN, TOKEN, TOO_MANY_TRIES};
+use super::problem::{
+    Failure, HOST, HOST_MISSING, NOT_ALLOWED, ORIGIN, TOKEN, TOO_MANY_TRIES, path_of,
+};
 use super::{Api, ApiConfig};
+use crate::doors::{Doors, Pass, Who};
 
 /// What stands before a token among the subprotocols of a WebSocket.
 pub(crate) const BEARER_SUBPROTOCOL: &str = "bearer.";
@@ -35,18 +42,124 @@ pub(crate) async fn require_host_and_origin(
     }
 }
 
-/// Lets a request through that shows the token, or any while none is configured.
+/// Lets a request through that shows a token which is good for it, or any while none is configured. Calls find the
+/// [`Pass`] among the request's extensions.
 pub(crate) async fn require_token(
     State(api): State<Api>,
-    request: Request,
+    OriginalUri(asked): OriginalUri,
+    mut request: Request,
     next: Next,
 ) -> Response {
     let peer = request.extensions().get::<Peer>().copied();
-    let token = api.config().token.as_deref();
-    match check_token(token, api.tries(), peer, request.headers()) {
-        Ok(()) => next.run(request).await,
+    let doors = &api.config().doors;
+    let need = Need::of(request.method(), asked.path());
+    let changes = need.role != Role::Spectator;
+    let mut deed = Deed {
+        who: Who::Anybody.to_string(),
+        from: peer.map(|Peer(address)| address),
+        did: format!("{} {}", request.method(), path_of(&asked)),
+        session: need.session().map(str::to_owned),
+        outcome: String::new(),
+    };
+    let answer = match check_token(doors, api.tries(), peer, request.headers()) {
+        Ok(pass) => {
+            deed.who = pass.who.to_string();
+            match need.check(&pass) {
+                Ok(()) => {
+                    request.extensions_mut().insert(pass);
+                    next.run(request).await
+                }
+                Err(failure) => failure.into_response(),
+            }
+        }
         Err(failure) => failure.into_response(),
+    };
+    let status = answer.status().as_u16();
+    if changes || matches!(status, 401 | 403 | 429) {
+        deed.outcome = status.to_string();
+        doors.tell_deed(deed);
     }
+    answer
+}
+
+/// What a request is about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum About<'a> {
+    /// A session of this name.
+    Session(&'a str),
+    /// The server.
+    Server,
+    /// Nobody's.
+    Nothing,
+}
+
+/// What somebody must be allowed to make a request.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Need<'a> {
+    role: Role,
+    about: About<'a>,
+}
+
+impl<'a> Need<'a> {
+    fn of(method: &Method, path: &'a str) -> Self {
+        let reads = matches!(*method, Method::GET | Method::HEAD | Method::OPTIONS);
+        let role = if reads { Role::Spectator } else { Role::Admin };
+        let call = path.strip_prefix("/api/v1/").unwrap_or(path);
+        let (first, rest) = call.split_once('/').unwrap_or((call, ""));
+        let about = match (first, rest) {
+            // Those of whoever asks: the list leaves out the others.
+            ("sessions", "") if reads => About::Nothing,
+            ("sessions", "") => About::Server,
+            ("sessions", rest) => About::Session(rest.split('/').next().unwrap_or(rest)),
+            // Calculations change nothing.
+            ("kinematics" | "analysis" | "experiments", _) => {
+                return Self {
+                    role: Role::Spectator,
+                    about: About::Nothing,
+                };
+            }
+            _ => About::Server,
+        };
+        Self { role, about }
+    }
+
+    fn session(&self) -> Option<&'a str> {
+        match self.about {
+            About::Session(session) => Some(session),
+            About::Server | About::Nothing => None,
+        }
+    }
+
+    fn check(&self, pass: &Pass) -> Result<(), Failure> {
+        let Some(own) = &pass.session else {
+            return Ok(());
+        };
+        match self.about {
+            About::Session(other) if other != own.as_str() => {
+                Err(NOT_ALLOWED.because(format!("the invite is to session {own}")))
+            }
+            About::Server => {
+                Err(NOT_ALLOWED.because("this concerns the whole server, and the invite is to one session"))
+            }
+            _ if pass.role < self.role => Err(NOT_ALLOWED.because(format!(
+                "this is for an {}, and the invite is for an {}",
+                self.role, pass.role
+            ))),
+            _ => Ok(()),
+        }
+    }
+}
+
+/// What is said to a guest who asks on a stream for what only an admin may do.
+///
+/// # Errors
+/// The pass is not good for it.
+pub(crate) fn check_admin(pass: &Pass) -> Result<(), Failure> {
+    if Role::Admin <= pass.role {
+        return Ok(());
+    }
+    let words = format!("this is for an admin, and the invite is for: {}", pass.role);
+    Err(NOT_ALLOWED.because(words))
 }
 
 /// Tells browsers that pages of the configured origins may read answers; nothing when there are none.
@@ -67,7 +180,7 @@ pub(crate) fn cross_origin(config: &ApiConfig) -> Option<CorsLayer> {
 
 fn check_host_and_origin(config: &ApiConfig, request: &Request) -> Result<(), Failure> {
     let host = host(request.uri(), request.headers())?;
-    if config.token.is_none() && !is_loopback(&host) {
+    if !config.doors.needs_token() && !is_loopback(&host) {
         return Err(HOST.because(format!(
             "the request is for {host}; without a token only localhost and loopback addresses are served"
         )));
@@ -141,22 +254,15 @@ fn is_origin_of(origin: &str, host: &Authority) -> bool {
     authority.is_some_and(|authority| authority.eq_ignore_ascii_case(host.as_str()))
 }
 
-/// Compares without telling by its duration where two secrets differ.
-fn is_same_secret(a: &str, b: &str) -> bool {
-    let (a, b) = (a.as_bytes(), b.as_bytes());
-    let differing = a.iter().zip(b).fold(0_u8, |all, (x, y)| all | (x ^ y));
-    a.len() == b.len() && std::hint::black_box(differing) == 0
-}
-
 fn check_token(
-    token: Option<&str>,
+    doors: &Doors,
     tries: &Tries,
     peer: Option<Peer>,
     headers: &HeaderMap,
-) -> Result<(), Failure> {
-    let Some(token) = token else {
-        return Ok(());
-    };
+) -> Result<Pass, Failure> {
+    if let Some(pass) = doors.admit(None) {
+        return Ok(pass);
+    }
     let Some(shown) = shown_token(headers) else {
         return Err(refusal("the request shows none"));
     };
@@ -167,11 +273,11 @@ fn check_token(
         let failure = TOO_MANY_TRIES.because(format!("wait for {wait_s} s"));
         return Err(failure.with_header(header::RETRY_AFTER, HeaderValue::from(wait_s as u64)));
     }
-    if is_same_secret(shown, token) {
-        return Ok(());
+    if let Some(pass) = doors.admit(Some(shown)) {
+        return Ok(pass);
     }
     tries.count(now, peer);
-    Err(refusal("the request shows another one"))
+    Err(refusal("the request shows another one, or an invite that has ended"))
 }
 
 fn refusal(detail: &str) -> Failure {
@@ -307,11 +413,37 @@ mod tests {
                 header::AUTHORIZATION,
                 format!("Bearer {shown}").parse().unwrap(),
             );
-            check_token(Some("correct"), &Tries::default(), None, &headers)
+            check_token(&Doors::with_token("correct"), &Tries::default(), None, &headers)
         };
-        assert_eq!(check("correct"), Ok(()));
+        assert_eq!(check("correct"), Ok(Pass::of_the_token()));
         for wrong in ["", "correc", "correct ", "correctly", "Correct"] {
             assert!(check(wrong).is_err(), "{wrong:?}");
         }
+    }
+
+    #[test]
+    fn every_path_says_what_it_needs() {
+        let need = |method: Method, path: &'static str| {
+            let need = Need::of(&method, path);
+            (need.role, need.about)
+        };
+        let (spectator, admin) = (Role::Spectator, Role::Admin);
+        for (method, path, needed) in [
+            (Method::GET, "/api/v1/sessions", (spectator, About::Nothing)),
+            (Method::POST, "/api/v1/sessions", (admin, About::Server)),
+            (Method::GET, "/api/v1/sessions/a", (spectator, About::Session("a"))),
+            (Method::GET, "/api/v1/sessions/a/stream", (spectator, About::Session("a"))),
+            (Method::PATCH, "/api/v1/sessions/a", (admin, About::Session("a"))),
+            (Method::DELETE, "/api/v1/sessions/a/", (admin, About::Session("a"))),
+            (Method::POST, "/api/v1/sessions/a/clay/reset", (admin, About::Session("a"))),
+            (Method::POST, "/api/v1/kinematics/inverse", (spectator, About::Nothing)),
+            (Method::GET, "/metrics", (spectator, About::Server)),
+            (Method::POST, "/api/v1/what-is-new", (admin, About::Server)),
+        ] {
+            assert_eq!(need(method, path), needed, "{path}");
+        }
+        // A name that is written in another way is another name.
+        let need = Need::of(&Method::GET, "/api/v1/sessions/%61");
+        assert_eq!(need.session(), Some("%61"));
     }
 }

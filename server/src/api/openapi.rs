@@ -19,7 +19,7 @@ use utoipa_axum::routes;
 
 use super::Api;
 use super::problem::{
-    HOST, HOST_MISSING, INTERNAL, KINDS, Kind, METHOD, NO_ANSWER, NO_SUCH_PATH, ORIGIN, TOKEN,
+    HOST, HOST_MISSING, INTERNAL, KINDS, Kind, METHOD, NOT_ALLOWED, NO_ANSWER, NO_SUCH_PATH, ORIGIN, TOKEN,
     TOO_MANY_TRIES,
 };
 
@@ -32,6 +32,7 @@ pub(crate) const GUARDED: &[Kind] = &[
     TOKEN,
     HOST,
     ORIGIN,
+    NOT_ALLOWED,
     TOO_MANY_TRIES,
     INTERNAL,
     NO_ANSWER,

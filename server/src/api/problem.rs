@@ -48,9 +48,11 @@ kinds! {
     HANDSHAKE = BAD_REQUEST "handshake", "the WebSocket handshake is not complete",
         "A header that RFC 6455 asks for is missing or has another value.";
     TOKEN = UNAUTHORIZED "token", "a token is needed",
-        "This server has a token configured. Send it as Authorization: Bearer <token>; a WebSocket from a browser, which cannot set headers, as the second subprotocol bearer.<token>.";
+        "This server has a token configured. Send it, or that of an invite, as Authorization: Bearer <token>; a WebSocket from a browser, which cannot set headers, as the second subprotocol bearer.<token>.";
     ORIGIN = FORBIDDEN "origin", "pages of this origin may not do that",
         "A page from elsewhere asked on behalf of somebody's browser. Origins other than the server's own must be configured.";
+    NOT_ALLOWED = FORBIDDEN "not-allowed", "the invite is not good for that",
+        "A spectator reads, an operator holds tools too, an admin changes the session too, each in the session of the invite; what concerns the server is for whoever has its own token.";
     NO_SUCH_PATH = NOT_FOUND "no-such-path", "nothing is here",
         "The interface is described at /api/docs.";
     NO_SUCH_SESSION = NOT_FOUND "no-such-session", "there is no such session",

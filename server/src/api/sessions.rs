@@ -1,6 +1,6 @@
 //! Sessions: listed, made, looked at, changed, ended.
 
-use axum::Json;
+use axum::{Extension, Json};
 use axum::extract::State;
 use axum::http::{StatusCode, header};
 use axum::response::IntoResponse;
@@ -16,6 +16,7 @@ use super::problem::{
     SYNTAX, TOO_LARGE, TOO_MANY_SESSIONS, UNAVAILABLE,
 };
 use super::{Api, see_through};
+use crate::doors::Pass;
 use crate::directory::{ChangeError, CreateError, NoSuchSession};
 
 /// The calls of this module, under `/api/v1`.
@@ -43,13 +44,15 @@ refusals!(CreateRefusals: SYNTAX, SLOW_BODY, SESSION_EXISTS, TOO_MANY_SESSIONS, 
 refusals!(FindRefusals: PATH, NO_SUCH_SESSION);
 refusals!(ChangeRefusals: SYNTAX, PATH, NO_SUCH_SESSION, SLOW_BODY, TOO_LARGE, MEDIA_TYPE, FIELD, NO_ANSWER);
 
-/// All sessions
+/// All sessions; to a guest, the one that they were invited to
 #[utoipa::path(
     get, path = "/sessions", tag = "sessions",
     responses((status = 200, description = "The sessions, by name", body = [Session]), ListRefusals),
 )]
-async fn list(State(api): State<Api>) -> Json<Vec<Session>> {
-    Json(api.directory().sessions())
+async fn list(State(api): State<Api>, Extension(pass): Extension<Pass>) -> Json<Vec<Session>> {
+    let mut sessions = api.directory().sessions();
+    sessions.retain(|session| pass.covers(&session.id));
+    Json(sessions)
 }
 
 /// A new session

@@ -23,7 +23,7 @@ use teleclay_session::{Rules, Session, SessionSetup, Settings};
 use tokio::sync::watch;
 
 use crate::collector::{Notice, notify};
-use crate::doors::Doors;
+use crate::doors::{Doors, Heard, LeaseChannel, Pass, TO_HOLD_A_TOOL};
 use crate::engine::{Answer, FramesIn, MAX_SESSIONS, Order, Running, Task};
 use crate::session::{SessionShared, slot_of};
 use crate::statistics::LoopStats;
@@ -83,7 +83,7 @@ struct Inner {
     next_number: AtomicU32,
     first_lease: u32,
     node: NodeName,
-    doors: Doors,
+    doors: Arc<Doors>,
     slow_endpoint: Option<String>,
 }
 
@@ -98,7 +98,7 @@ pub(crate) struct Parts {
     pub(crate) loop_stats: Arc<Mutex<LoopStats>>,
     pub(crate) notices: Sender<Notice>,
     pub(crate) node: NodeName,
-    pub(crate) token: Option<String>,
+    pub(crate) doors: Arc<Doors>,
     pub(crate) slow_endpoint: Option<String>,
 }
 
@@ -118,7 +118,7 @@ impl Directory {
             next_number: AtomicU32::new(1),
             first_lease,
             node: parts.node,
-            doors: Doors::new(parts.token.as_deref()),
+            doors: parts.doors,
             slow_endpoint: parts.slow_endpoint,
         }))
     }
@@ -268,7 +268,7 @@ impl Directory {
     }
 
     /// What a join has to show.
-    pub(crate) fn doors(&self) -> &Doors {
+    pub(crate) fn doors(&self) -> &Arc<Doors> {
         &self.0.doors
     }
 
@@ -291,7 +291,11 @@ impl Directory {
         key: &str,
         join: &SealedJoin,
     ) -> Option<SealedReply> {
-        let (payload, answering) = match self.0.doors.hear(key, join) {
+        let Heard {
+            payload,
+            answering,
+            pass,
+        } = match self.0.doors.hear(key, id, join) {
             Ok(heard) => heard,
             Err(unheard) => {
                 return unheard.map(|(code, reason)| SealedReply::Refused { code, reason });
@@ -300,13 +304,24 @@ impl Directory {
         let answer = |reply: &JoinReply| {
             answering.answer(&serde_json::to_vec(reply).expect("plain data has a JSON form"))
         };
-        let message = match self.admit(id, &payload).await {
+        let admitted = self.admit(id, &payload, &pass).await;
+        let outcome = match &admitted {
+            Ok((_, granted)) => format!("lease {} of tool {}", granted.lease, granted.tool),
+            Err((code, _)) => code.to_string(),
+        };
+        self.0.doors.tell(&pass.who, "join", Some(id), &outcome);
+        let message = match admitted {
             Ok((live, granted)) => {
                 let (slot, lease) = (slot_of(granted.tool), granted.lease);
                 let (message, keys) = answer(&JoinReply::Granted(Box::new(granted)));
                 // Before the answer is on its way: the first frame may follow at once.
                 let channel = Channel::of_server(&keys);
-                live.shared.channels.open(slot, lease, channel);
+                let holder = LeaseChannel {
+                    lease,
+                    channel,
+                    pass,
+                };
+                live.shared.channels.open(slot, holder);
                 message
             }
             Err((code, reason)) => answer(&JoinReply::Refused { code, reason }).0,
@@ -318,12 +333,35 @@ impl Directory {
         &self,
         id: &SessionId,
         payload: &[u8],
+        pass: &Pass,
     ) -> Result<(Live, Granted), (RefusalCode, String)> {
+        if !pass.covers(id) || pass.role < TO_HOLD_A_TOOL {
+            let reason = format!("the invite does not let anybody hold a tool of session `{id}`");
+            return Err((RefusalCode::NotAllowed, reason));
+        }
         let request: JoinRequest =
             parse(payload).map_err(|error| (RefusalCode::BadRequest, error.to_string()))?;
         let live = self.find_session(id, request.protocol)?;
         let granted = live.grant(&request, &self.0).await?;
         Ok((live, granted))
+    }
+
+    /// Takes the tools of those whose invite has ended. Gives the sessions, slots and lines of whoever lost one.
+    pub(crate) async fn let_go_of_guests(&self) -> Vec<(Live, usize, Arc<LeaseChannel>)> {
+        let mut gone = Vec::new();
+        for live in self.lives() {
+            for (slot, holder) in live.channels().holders() {
+                if self.0.doors.is_good(&holder.pass) || live.leave(holder.lease).await.is_err() {
+                    continue;
+                }
+                let who = &holder.pass.who;
+                self.0.doors.tell(who, "leave", Some(live.id()), "the invite has ended");
+                let words = format!("lease {} was taken back: {who} has ended", holder.lease);
+                live.shared.emit(Level::Warning, words);
+                gone.push((live.clone(), slot, holder));
+            }
+        }
+        gone
     }
 
     fn find_session(&self, id: &SessionId, protocol: u32) -> Result<Live, (RefusalCode, String)> {

@@ -3,20 +3,26 @@
 //! | module | does |
 //! |---|---|
 //! | `frames` | frames, from the network to the tick and from the tick to the network |
+//! | `guests` | what becomes of those whose invite ends |
 //! | `queries` | what is asked |
-//! | `publish` | what is told without being asked |
+//! | `publish` | what is told without being asked, where everybody may know it |
+//! | `rules` | what Zenoh itself lets others do |
 
 mod frames;
+mod guests;
 mod publish;
 mod queries;
+mod rules;
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 
+use teleclay_doors::Identity;
 use teleclay_proto::RealmName;
 use teleclay_shell::Clock;
-use teleclay_shell::network::{Endpoints, NetworkError, open};
+use teleclay_shell::endpoint::Endpoint;
+use teleclay_shell::network::{Endpoints, NetworkError, Permissions, Rule, open};
 use zenoh::Session;
 
 use crate::directory::Directory;
@@ -26,6 +32,17 @@ pub(crate) use frames::{FedSender, Sender};
 use frames::{Sending, receive_frames};
 use publish::{publish_bricks, publish_state, show_sessions};
 use queries::{Line, answer_queries};
+
+/// Where the server listens for handles, and what it shows of itself there.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Lines<'a> {
+    /// For frames.
+    pub(crate) control: &'a Endpoint,
+    /// For everything else.
+    pub(crate) slow: &'a Endpoint,
+    /// For endpoints that are encrypted.
+    pub(crate) identity: Option<&'a Identity>,
+}
 
 /// The server's side of Zenoh. Dropping it closes nothing by itself: see [`Network::close`].
 pub struct Network {
@@ -42,20 +59,23 @@ impl Network {
     /// An endpoint cannot be listened on.
     pub(crate) async fn open(
         realm: &RealmName,
-        control_endpoint: &str,
-        slow_endpoint: &str,
+        lines: Lines<'_>,
         directory: &Directory,
         sender: FedSender,
         clock: Clock,
     ) -> Result<Self, NetworkError> {
-        let listen = |endpoint: &str| Endpoints {
-            listen: vec![endpoint.to_owned()],
-            connect: Vec::new(),
+        let identity = lines
+            .identity
+            .map(|identity| (identity.chain_pem.clone(), identity.key_pem.clone()));
+        let listen = |endpoint: &Endpoint, rules: Vec<Rule>| Endpoints {
+            identity: identity.clone(),
+            permissions: Permissions::Only(rules),
+            ..Endpoints::listening(endpoint.clone())
         };
-        let control = open(&listen(control_endpoint)).await?;
-        let slow = open(&listen(slow_endpoint)).await?;
+        let control = open(&listen(lines.control, rules::of_control(realm))).await?;
+        let slow = open(&listen(lines.slow, rules::of_slow(realm))).await?;
         let failed = |reason: zenoh::Error| NetworkError::Open {
-            what: control_endpoint.to_owned(),
+            what: lines.control.to_string(),
             reason: reason.to_string(),
         };
 
@@ -67,17 +87,26 @@ impl Network {
                 .await
                 .map_err(failed)?;
         }
-        tokio::spawn(publish_state(
-            slow.clone(),
+        tokio::spawn(guests::let_go_of_guests(
+            control.clone(),
             realm.clone(),
             directory.clone(),
         ));
+        // Subscribers show no token, so where one is needed there is nothing to subscribe to.
+        let is_public = !directory.doors().needs_token();
+        if is_public {
+            tokio::spawn(publish_state(
+                slow.clone(),
+                realm.clone(),
+                directory.clone(),
+            ));
+            tokio::spawn(publish_bricks(
+                slow.clone(),
+                realm.clone(),
+                directory.clone(),
+            ));
+        }
         tokio::spawn(show_sessions(
-            slow.clone(),
-            realm.clone(),
-            directory.clone(),
-        ));
-        tokio::spawn(publish_bricks(
             slow.clone(),
             realm.clone(),
             directory.clone(),

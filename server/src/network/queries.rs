@@ -198,6 +198,15 @@ impl Office {
         let Ok(asker) = live.asker(purpose, &asked.payload) else {
             return Vec::new();
         };
+        match purpose {
+            Purpose::Leave | Purpose::ClayFresh => {
+                let did = if purpose == Purpose::Leave { "leave" } else { "fresh block" };
+                let who = &asker.pass.who;
+                let outcome = format!("lease {}", asker.lease);
+                self.directory.doors().tell(who, did, Some(live.id()), &outcome);
+            }
+            _ => {}
+        }
         let parts = match purpose {
             Purpose::Leave => vec![json(&leave(&live, &asker).await)],
             Purpose::ClayFresh => vec![json(&fresh(&live, &asker).await)],

@@ -118,7 +118,7 @@ fn session_calls(session: &str) -> Vec<Call> {
         route: "/api/v1/sessions",
         path: "/api/v1/sessions".to_owned(),
         full: json!({
-            "id": "made", "axes": 2, "scheme": "force_exchange", "material": material(), "network": network,
+            "id": format!("made-by-{session}"), "axes": 2, "scheme": "force_exchange", "material": material(), "network": network,
             "clay": { "shape": shape, "voxel_size_m": 1e-3 }, "tool": tool, "tools": 3,
         }),
         may_be_empty: &[

@@ -1,5 +1,15 @@
 //! Host, origin, token: who is let in.
 
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::{Duration, SystemTime};
+
+use teleclay_doors::Invites;
+use teleclay_doors::audit::Audit;
+use teleclay_proto::SessionId;
+use teleclay_proto::invite::Role;
+use teleclay_server::doors::Doors;
+
 use crate::rig::{Rig, shared};
 use crate::wire::{Answer, Ask, Site};
 
@@ -188,7 +198,7 @@ fn pages_of_a_configured_origin_may_read_answers_and_others_may_not() {
 }
 
 fn guarded(rig: &Rig) -> Site {
-    rig.serve(|config| config.token = Some(TOKEN.to_owned()))
+    rig.serve(|config| config.doors = Arc::new(Doors::with_token(TOKEN)))
 }
 
 #[test]
@@ -297,7 +307,8 @@ fn a_stream_takes_its_token_from_the_second_subprotocol() {
 /// Twenty at once, then one a second; and nothing is told of a token that comes sooner, not even of the right one.
 #[test]
 fn wrong_tokens_are_looked_at_twenty_times_and_then_one_a_second() {
-    let site = shared().serve(|config| config.token = Some("the right token, long".to_owned()));
+    let site = shared()
+        .serve(|config| config.doors = Arc::new(Doors::with_token("the right token, long")));
     let ask = |token: &str| {
         let ask = Ask::new("GET", "/api/v1/sessions");
         site.send(&ask.with("Authorization", &format!("Bearer {token}")))
@@ -319,4 +330,152 @@ fn wrong_tokens_are_looked_at_twenty_times_and_then_one_a_second() {
     }
     assert_eq!((sooner.status, &*sooner.word()), (429, "too-many-tries"));
     assert_eq!(sooner.header("retry-after"), Some("1"));
+}
+
+/// Invites to `session`, one for each role, as a command beside a running server makes them.
+struct Guests {
+    data: PathBuf,
+    invites: Invites,
+    tokens: Vec<String>,
+}
+
+impl Guests {
+    fn of(session: &str) -> Self {
+        let data = PathBuf::from(env!("CARGO_TARGET_TMPDIR"));
+        let data = data.join(format!("guests-{}-{session}", std::process::id()));
+        std::fs::create_dir_all(&data).unwrap();
+        let invites = Invites::open(&data).unwrap();
+        let session = SessionId::new(session).unwrap();
+        let invite = |role: Role| {
+            let made = invites.make(SystemTime::now(), session.clone(), role, None);
+            made.unwrap().to_string()
+        };
+        let tokens = [Role::Spectator, Role::Operator, Role::Admin].map(invite);
+        Self {
+            tokens: tokens.to_vec(),
+            data,
+            invites,
+        }
+    }
+
+    fn site(&self) -> Site {
+        let invites = Invites::open(&self.data).unwrap();
+        let audit = Audit::open(&self.data).unwrap();
+        let doors = Doors::with_token(TOKEN).and_guests(invites).watched(audit);
+        shared().serve(|config| config.doors = Arc::new(doors))
+    }
+}
+
+#[test]
+fn a_guest_does_what_the_invite_says_in_its_session_and_nowhere_else() {
+    let open = shared().site();
+    let (own, other) = (shared().session(&open), shared().session(&open));
+    let guests = Guests::of(&own);
+    let site = guests.site();
+    let one = |name: &str| format!("/api/v1/sessions/{name}");
+    let patch = r#"{"deadband": 0.05}"#;
+    // Method, path, body; what a spectator, an operator and an admin are answered with.
+    for (method, path, body, statuses) in [
+        ("GET", one(&own), "", [200, 200, 200]),
+        ("GET", format!("{}/clay.stl", one(&own)), "", [200, 200, 200]),
+        ("POST", "/api/v1/kinematics/forward".to_owned(), "{", [400, 400, 400]),
+        ("PATCH", one(&own), patch, [403, 403, 200]),
+        ("POST", format!("{}/clay/reset", one(&own)), "{}", [403, 403, 200]),
+        ("GET", one(&other), "", [403, 403, 403]),
+        ("PATCH", one(&other), patch, [403, 403, 403]),
+        ("DELETE", one(&other), "", [403, 403, 403]),
+        ("POST", "/api/v1/sessions".to_owned(), "{", [403, 403, 403]),
+        ("GET", "/metrics".to_owned(), "", [403, 403, 403]),
+        ("GET", one("there-is-none"), "", [403, 403, 403]),
+        ("DELETE", one(&own), "", [403, 403, 204]),
+    ] {
+        for (token, status) in guests.tokens.iter().zip(statuses) {
+            let ask = Ask::new(method, &path).with("Authorization", &format!("Bearer {token}"));
+            let ask = if body.is_empty() { ask } else { ask.json(body) };
+            let answer = site.send(&ask);
+            assert_eq!(answer.status, status, "{method} {path}: {answer:?}");
+            if status == 403 {
+                assert_eq!(answer.word(), "not-allowed");
+            }
+        }
+    }
+    let listed = site.send(
+        &Ask::new("GET", "/api/v1/sessions")
+            .with("Authorization", &format!("Bearer {}", guests.tokens[0])),
+    );
+    assert_eq!(listed.json::<Vec<serde_json::Value>>(), [] as [serde_json::Value; 0], "its session is gone, others are not told");
+    open.delete(&one(&other));
+    std::fs::remove_dir_all(&guests.data).unwrap();
+}
+
+#[test]
+fn an_invite_that_has_ended_or_was_never_made_is_no_token() {
+    let open = shared().site();
+    let own = shared().session(&open);
+    let guests = Guests::of(&own);
+    let site = guests.site();
+    let ask = |token: &str| {
+        let ask = Ask::new("GET", "/api/v1/sessions");
+        site.send(&ask.with("Authorization", &format!("Bearer {token}")))
+    };
+    let status = |token: &str| ask(token).status;
+    let [spectator, operator, admin] = &guests.tokens[..] else {
+        panic!("three were made");
+    };
+    let listed = ask(spectator).json::<serde_json::Value>();
+    assert_eq!(listed[0]["id"], own.as_str());
+    // One's number with another's secret, and a digit that was changed.
+    let (number, _) = spectator.split_once('.').unwrap();
+    let (_, secret) = operator.split_once('.').unwrap();
+    assert_eq!(status(&format!("{number}.{secret}")), 401);
+    let last = if operator.ends_with('0') { '1' } else { '0' };
+    assert_eq!(status(&format!("{}{last}", &operator[..operator.len() - 1])), 401);
+    assert_eq!(status(operator), 200);
+    // Taken back beside the running server.
+    let id = operator.parse::<teleclay_proto::invite::InviteToken>().unwrap().id();
+    guests.invites.revoke(SystemTime::now(), id).unwrap();
+    assert_eq!(status(operator), 401);
+    assert_eq!(status(admin), 200);
+    let past = SystemTime::now() - Duration::from_secs(7200);
+    let session = SessionId::new(&*own).unwrap();
+    let hour = Some(Duration::from_secs(3600));
+    let over = guests.invites.make(past, session, Role::Admin, hour).unwrap();
+    assert_eq!(status(&over.to_string()), 401);
+    open.delete(&format!("/api/v1/sessions/{own}"));
+    std::fs::remove_dir_all(&guests.data).unwrap();
+}
+
+#[test]
+fn the_audit_log_says_who_did_what_and_who_was_kept_from_it() {
+    let open = shared().site();
+    let own = shared().session(&open);
+    let guests = Guests::of(&own);
+    let site = guests.site();
+    let path = format!("/api/v1/sessions/{own}");
+    for token in [&guests.tokens[0], &guests.tokens[2], "wrong"] {
+        let ask = Ask::new("PATCH", &path).json(r#"{"deadband": 0.05}"#);
+        site.send(&ask.with("Authorization", &format!("Bearer {token}")));
+    }
+    let log = guests.data.join("doors/audit.jsonl");
+    let mut lines = Vec::new();
+    crate::rig::eventually("three lines", || {
+        let text = std::fs::read_to_string(&log).unwrap();
+        lines = text
+            .lines()
+            .map(|line| serde_json::from_str::<serde_json::Value>(line).unwrap())
+            .collect();
+        lines.len() == 3
+    });
+    let told: Vec<(&str, &str)> = lines
+        .iter()
+        .map(|line| (line["who"].as_str().unwrap(), line["outcome"].as_str().unwrap()))
+        .collect();
+    let who = |token: &str| format!("invite {}", token.split_once('.').unwrap().0);
+    let (spectator, admin) = (who(&guests.tokens[0]), who(&guests.tokens[2]));
+    assert_eq!(told, [(&*spectator, "403"), (&*admin, "200"), ("nobody", "401")]);
+    assert!(lines.iter().all(|line| line["session"] == *own));
+    assert!(lines.iter().all(|line| line["did"] == format!("PATCH {path}")));
+    assert!(lines.iter().all(|line| line["from"] == "127.0.0.1"));
+    open.delete(&path);
+    std::fs::remove_dir_all(&guests.data).unwrap();
 }

@@ -6,7 +6,7 @@
 
 use std::net::SocketAddr;
 use std::path::PathBuf;
-use std::sync::LazyLock;
+use std::sync::{Arc, LazyLock};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
@@ -14,6 +14,8 @@ use serde_json::{Value, json};
 use teleclay_proto::{NodeName, RealmName};
 use teleclay_server::api::{self, ApiConfig};
 use teleclay_server::directory::Directory;
+use teleclay_server::doors::Doors;
+use teleclay_server::doors::certificates::Source;
 use teleclay_server::settings::Settings;
 use teleclay_server::{Server, api::bind};
 use teleclay_shell::ticker::Scheduling;
@@ -50,8 +52,11 @@ impl Rig {
         let settings = Settings {
             realm: RealmName::new("local").unwrap(),
             listen: loopback(),
-            zenoh_control: "tcp/127.0.0.1:0".to_owned(),
-            zenoh_slow: "tcp/127.0.0.1:0".to_owned(),
+            zenoh_control: "tcp/127.0.0.1:0".parse().unwrap(),
+            zenoh_slow: "tcp/127.0.0.1:0".parse().unwrap(),
+            certificate: Source::Own,
+            is_https: false,
+            hosts: Vec::new(),
             data_dir: PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(folder),
             demo_session: false,
             node: NodeName::new("api-tests").unwrap(),
@@ -74,7 +79,7 @@ impl Rig {
         let listener = bind(loopback()).unwrap();
         let address = listener.local_addr().unwrap();
         let mut config = ApiConfig {
-            token: None,
+            doors: Arc::new(Doors::open()),
             allowed_origins: Vec::new(),
             listen: address,
             node: NodeName::new("api-tests").unwrap(),
@@ -84,7 +89,7 @@ impl Rig {
         change(&mut config);
         let router = api::router(self.directory().clone(), config);
         self.runtime
-            .spawn(api::serve(listener, router, std::future::pending()));
+            .spawn(api::serve(listener, router, None, std::future::pending()));
         Site::at(address)
     }
 

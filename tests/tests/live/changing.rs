@@ -28,10 +28,7 @@ type Told = Arc<Mutex<BTreeMap<u32, (Scheme, LoopStatus)>>>;
 
 /// Listens to the frames of tool 1.
 async fn listen(endpoint: &str, told: Told) -> zenoh::Session {
-    let endpoints = Endpoints {
-        connect: vec![endpoint.to_owned()],
-        ..Endpoints::default()
-    };
+    let endpoints = Endpoints::connecting(endpoint.parse().unwrap());
     let session = open(&endpoints).await.unwrap();
     let keys = SessionKeys::new(
         RealmName::new("local").unwrap(),

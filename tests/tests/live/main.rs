@@ -10,6 +10,8 @@
 mod agreement;
 mod backlog;
 mod changing;
+mod doors;
+mod encrypted;
 mod endings;
 mod network;
 mod on_virtual_time;

@@ -7,24 +7,25 @@ use serde_json::json;
 use teleclay_channel::{Asking, Challenge, Context, Secret, TRAILER};
 use teleclay_proto::frame::{HandleFrame, MAX_FRAME, ToolFrame};
 use teleclay_proto::join::{ChallengeReply, RefusalCode, SealedReply};
-use teleclay_proto::keys::SessionKeys;
+use teleclay_proto::keys::{SessionKeys, everything_in};
 use teleclay_proto::{RealmName, Scheme, SessionId};
-use teleclay_shell::network::{CONTROL_QOS, neighbour};
+use teleclay_shell::network::{CONTROL_QOS, Endpoints, open};
 use teleclay_tests::process::PATIENCE;
 use teleclay_tests::recording::{Row, greatest_force_step_n};
-use teleclay_tests::stage::{DEMO, Handle, HandleOptions, Server, TOKEN};
+use teleclay_tests::stage::{DEMO, Handle, HandleOptions, Ports, Server, TOKEN};
+use zenoh::pubsub::Publisher;
 use zenoh::query::{ConsolidationMode, Query, QueryTarget};
 use zenoh::{Session, Wait};
 
 use super::endings::{FORCE_STEP_N, cuts};
 
-fn keys() -> SessionKeys {
+pub(super) fn keys() -> SessionKeys {
     let realm = RealmName::new("local").unwrap();
     SessionKeys::new(realm, SessionId::new(DEMO).unwrap())
 }
 
 /// As a client of the server's, which passes on between its clients and its peers; handles are peers.
-async fn connected_to(endpoint: &str) -> Session {
+pub(super) async fn connected_to(endpoint: &str) -> Session {
     let mut config = zenoh::Config::default();
     let connect = format!("[\"{endpoint}\"]");
     for (key, value) in [
@@ -37,8 +38,81 @@ async fn connected_to(endpoint: &str) -> Session {
     zenoh::open(config).await.unwrap()
 }
 
-fn ada(server: &Server) -> HandleOptions {
+pub(super) fn ada(server: &Server) -> HandleOptions {
     HandleOptions::new(&server.endpoint()).with(&["--token", TOKEN])
+}
+
+/// Somebody in between, whom a handle takes for the server: frames and questions pass through them, and they add what
+/// they like, on either side.
+struct Between {
+    /// Where the handle is.
+    inside: Session,
+    /// Where the server is.
+    outside: Session,
+    endpoint: String,
+}
+
+impl Between {
+    async fn of(server: &Server) -> Self {
+        let endpoint = format!("tcp/127.0.0.1:{}", Ports::free().unwrap().zenoh);
+        let listening = Endpoints::listening(endpoint.parse().unwrap());
+        let inside = open(&listening).await.unwrap();
+        let outside = connected_to(&server.endpoint()).await;
+        pass_on(&inside, keys().tool_up(1), &outside).await;
+        pass_on(&outside, keys().tool_down(1), &inside).await;
+        let asks = outside.clone();
+        let runtime = tokio::runtime::Handle::current();
+        inside
+            .declare_queryable(everything_in(keys().realm()))
+            .callback(move |query| {
+                let asks = asks.clone();
+                runtime.spawn(async move {
+                    let key = query.key_expr().as_str().to_owned();
+                    for answer in ask(&asks, key.clone(), bytes(&query)).await {
+                        // Whoever asked may have gone.
+                        let _ = query.reply(&key, answer).await;
+                    }
+                });
+            })
+            .background()
+            .await
+            .unwrap();
+        Self {
+            inside,
+            outside,
+            endpoint,
+        }
+    }
+
+    /// Ada, who was sent the wrong way.
+    fn ada(&self) -> HandleOptions {
+        HandleOptions::new(&self.endpoint).with(&["--token", TOKEN])
+    }
+}
+
+/// Puts what comes on `key` of one session on the same key of another.
+async fn pass_on(from: &Session, key: String, to: &Session) {
+    let publisher = publisher(to, key.clone()).await;
+    from.declare_subscriber(key)
+        .callback(move |sample| {
+            let payload = sample.payload().to_bytes().into_owned();
+            publisher.put(payload).wait().unwrap();
+        })
+        .background()
+        .await
+        .unwrap();
+}
+
+async fn publisher(session: &Session, key: String) -> Publisher<'static> {
+    let (congestion, priority, express, reliability) = CONTROL_QOS;
+    session
+        .declare_publisher(key)
+        .congestion_control(congestion)
+        .priority(priority)
+        .express(express)
+        .reliability(reliability)
+        .await
+        .unwrap()
 }
 
 /// Every payload that a stranger gets to see.
@@ -113,11 +187,11 @@ fn bytes(query: &Query) -> Vec<u8> {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_stranger_who_answers_first_is_neither_joined_nor_told_the_token() {
     let server = Server::with_token().unwrap();
-    let stranger = connected_to(&server.endpoint()).await;
+    let between = Between::of(&server).await;
     let seen = Seen::default();
-    pose_as_the_server(&stranger, &seen).await;
+    pose_as_the_server(&between.inside, &seen).await;
 
-    let mut handle = Handle::start(&ada(&server)).unwrap();
+    let mut handle = Handle::start(&between.ada()).unwrap();
     let client = &server.client;
     client.session_when(DEMO, "a cut", PATIENCE, cuts).unwrap();
     let status = handle
@@ -139,21 +213,21 @@ async fn a_stranger_who_answers_first_is_neither_joined_nor_told_the_token() {
 
 /// What a stranger would like hand and tool to believe.
 struct Lies {
-    stranger: Session,
+    between: Between,
     /// Frames that were overheard, as they crossed: up, down.
     overheard: [Seen; 2],
 }
 
 impl Lies {
-    async fn listening(endpoint: &str) -> Self {
-        let stranger = connected_to(endpoint).await;
+    async fn listening(between: Between) -> Self {
         let overheard = [Seen::default(), Seen::default()];
         for (key, seen) in [keys().tool_up(1), keys().tool_down(1)]
             .into_iter()
             .zip(&overheard)
         {
             let saw = Arc::clone(seen);
-            stranger
+            let comes_from = if key.ends_with("/up") { &between.inside } else { &between.outside };
+            comes_from
                 .declare_subscriber(key)
                 .callback(move |sample| {
                     let mut saw = saw.lock().unwrap();
@@ -165,10 +239,7 @@ impl Lies {
                 .await
                 .unwrap();
         }
-        Self {
-            stranger,
-            overheard,
-        }
+        Self { between, overheard }
     }
 
     /// Sends lies both ways for `lasts`; gives how many.
@@ -180,20 +251,13 @@ impl Lies {
         assert!(!up.is_empty() && !down.is_empty(), "nothing was overheard");
         let up: Vec<Vec<u8>> = up.iter().flat_map(|frame| lies_up(frame)).collect();
         let down: Vec<Vec<u8>> = down.iter().flat_map(|frame| lies_down(frame)).collect();
-        let (congestion, priority, express, reliability) = CONTROL_QOS;
-        let mut publishers = Vec::new();
-        for key in [keys().tool_up(1), keys().tool_down(1)] {
-            let publisher = self
-                .stranger
-                .declare_publisher(key)
-                .congestion_control(congestion)
-                .priority(priority)
-                .express(express)
-                .reliability(reliability)
-                .await
-                .unwrap();
-            publishers.push(publisher);
-        }
+        let Between {
+            inside, outside, ..
+        } = &self.between;
+        let publishers = [
+            publisher(outside, keys().tool_up(1)).await,
+            publisher(inside, keys().tool_down(1)).await,
+        ];
         let (began, mut told) = (Instant::now(), 0);
         while began.elapsed() < lasts {
             for (publisher, lies) in publishers.iter().zip([&up, &down]) {
@@ -255,7 +319,7 @@ fn ticks_at(handle: &Handle) -> f64 {
     rows.last().map_or(0.0, |row| row.clock_s)
 }
 
-fn between(ticks: &[Row], from_s: f64, to_s: f64) -> Vec<Row> {
+fn rows_between(ticks: &[Row], from_s: f64, to_s: f64) -> Vec<Row> {
     let within = |row: &&Row| from_s <= row.clock_s && row.clock_s < to_s;
     ticks.iter().filter(within).cloned().collect()
 }
@@ -282,9 +346,10 @@ async fn frames_of_a_stranger_are_not_felt_by_a_hand_that_rests() {
         let server = Server::with_token().unwrap();
         let client = server.client.clone();
         client.patch(DEMO, &json!({ "scheme": scheme })).unwrap();
-        let options = ada(&server).with(&["--intent", "idle"]);
+        let between = Between::of(&server).await;
+        let options = between.ada().with(&["--intent", "idle"]);
         let mut handle = Handle::start(&options).unwrap();
-        let lies = Lies::listening(&server.endpoint()).await;
+        let lies = Lies::listening(between).await;
         let is_live = |status: &serde_json::Value| status["state"] == "live";
         handle
             .status_when("it to be live", PATIENCE, is_live)
@@ -299,7 +364,7 @@ async fn frames_of_a_stranger_are_not_felt_by_a_hand_that_rests() {
         let after = client.session(DEMO).unwrap();
         assert!(handle.process.end().unwrap().success());
 
-        let ticks = between(&handle.ticks().unwrap(), from_s, to_s);
+        let ticks = rows_between(&handle.ticks().unwrap(), from_s, to_s);
         assert_undisturbed(&ticks);
         assert!(ticks.iter().all(|tick| tick.felt_n() == 0.0), "{scheme:?}");
         assert!(
@@ -325,8 +390,9 @@ async fn frames_of_a_stranger_are_not_felt_by_a_hand_that_cuts() {
         // Into the block, and along it at a steady speed: the force is steady, too, once the ball is in the clay.
         let corners = "-0.03,0,0@0.05;-0.03,0,-0.007@0.02;0.03,0,-0.007@0.02";
         let path = ["--intent", "trajectory", "--waypoints", corners];
-        let mut handle = Handle::start(&ada(&server).with(&path)).unwrap();
-        let lies = Lies::listening(&server.endpoint()).await;
+        let between = Between::of(&server).await;
+        let mut handle = Handle::start(&between.ada().with(&path)).unwrap();
+        let lies = Lies::listening(between).await;
         let home_m = client.session(DEMO).unwrap().tools[0].position_m;
         let is_in = |session: &teleclay_proto::http::Session| {
             let [x_m, _, z_m] = session.tools[0].position_m;
@@ -347,8 +413,8 @@ async fn frames_of_a_stranger_are_not_felt_by_a_hand_that_cuts() {
 
         let ticks = handle.ticks().unwrap();
         let (calm, told) = (
-            between(&ticks, calm_s, from_s),
-            between(&ticks, from_s, to_s),
+            rows_between(&ticks, calm_s, from_s),
+            rows_between(&ticks, from_s, to_s),
         );
         assert_undisturbed(&told);
         let (calm_n, told_n) = (mean_felt_n(&calm), mean_felt_n(&told));
@@ -365,7 +431,7 @@ async fn frames_of_a_stranger_are_not_felt_by_a_hand_that_cuts() {
 }
 
 /// What a stranger gets for asking; nothing, where nobody answers.
-async fn ask(stranger: &Session, key: String, question: Vec<u8>) -> Vec<Vec<u8>> {
+pub(super) async fn ask(stranger: &Session, key: String, question: Vec<u8>) -> Vec<Vec<u8>> {
     let replies = stranger
         .get(key)
         .payload(question)
@@ -388,10 +454,11 @@ async fn ask(stranger: &Session, key: String, question: Vec<u8>) -> Vec<Vec<u8>>
 async fn a_stranger_who_names_the_lease_gets_nothing_and_changes_nothing() {
     let server = Server::with_token().unwrap();
     let client = server.client.clone();
-    let mut handle = Handle::start(&ada(&server)).unwrap();
-    let lies = Lies::listening(&server.endpoint()).await;
+    let between = Between::of(&server).await;
+    let mut handle = Handle::start(&between.ada()).unwrap();
+    let lies = Lies::listening(between).await;
     client.session_when(DEMO, "a cut", PATIENCE, cuts).unwrap();
-    let slow = connected_to(&neighbour(&server.endpoint(), 1).unwrap()).await;
+    let slow = connected_to(&server.slow_endpoint()).await;
 
     let before = client.session(DEMO).unwrap();
     let overheard = lies.overheard[0].lock().unwrap()[0].clone();
@@ -413,7 +480,7 @@ async fn a_stranger_who_names_the_lease_gets_nothing_and_changes_nothing() {
         keys.clay_snapshot(),
         keys.state(),
     ] {
-        for stranger in [&lies.stranger, &slow] {
+        for stranger in [&lies.between.outside, &slow] {
             for question in &questions {
                 let answers = ask(stranger, key.clone(), question.clone()).await;
                 assert_eq!(answers, Vec::<Vec<u8>>::new(), "{key}");
@@ -436,7 +503,7 @@ async fn a_stranger_who_says_that_the_server_has_gone_is_not_believed() {
     let client = server.client.clone();
     let mut handle = Handle::start(&ada(&server)).unwrap();
     client.session_when(DEMO, "a cut", PATIENCE, cuts).unwrap();
-    let slow = connected_to(&neighbour(&server.endpoint(), 1).unwrap()).await;
+    let slow = connected_to(&server.slow_endpoint()).await;
     for _ in 0..5 {
         let shown = slow
             .liveliness()

@@ -3,6 +3,8 @@
 import { useComputed, useSignal } from "@preact/signals";
 import type { JSX } from "preact";
 import type { ClayShape } from "../../protocol/session";
+import { fetchFile } from "../browser";
+import { downloadFile } from "../download";
 import { fixed } from "../format";
 import { live } from "../store";
 import { MaterialControls } from "./material_controls";
@@ -55,18 +57,26 @@ function RunControls(): JSX.Element {
           stepped
         </button>
       </span>
-      <a
-        class="button"
-        href={id.value === undefined ? "#" : live.api.stlPath(id.value)}
-        download={`${id.value ?? "clay"}.stl`}
+      <button
+        type="button"
+        disabled={id.value === undefined}
+        onClick={() => void saveClay(id.value)}
         title="the clay's surface now, in millimetres"
         data-testid="stl"
       >
         STL
-      </a>
+      </button>
       {said !== undefined && <p class="refusal" role="alert">{said}</p>}
     </section>
   );
+}
+
+/** A link could not show the server a token. */
+async function saveClay(id: string | undefined): Promise<void> {
+  if (id === undefined) return;
+  const file = await fetchFile(live.api.stlPath(id));
+  if (typeof file === "string") live.report("error", `no STL: ${file}`);
+  else downloadFile(`${id}.stl`, file);
 }
 
 /** Which operator's tool the picture and the plots follow, when there are several. */

@@ -9,7 +9,9 @@ use teleclay_proto::http::{
     Impairment, JitterDistribution, LoopState, Material, Network, NewSession, Outage, Problem,
     Quantiles, Session, SessionPatch, SessionState, TickQuantiles, ToolState, parse,
 };
+use teleclay_proto::invite::InviteId;
 use teleclay_proto::join::{
+    Farewell,
     ChallengeReply, ChallengeRequest, ClayDescription, FreshReply, Granted, JoinReply, JoinRequest,
     LeaseRequest, LeaveReply, LoopParameters, RefusalCode, SealedJoin, SealedReply,
 };
@@ -223,7 +225,11 @@ pub(super) fn join() -> Value {
                 reason: "there is no session `demo` on this server".to_owned(),
             }),
         ],
-        "sealed_joins": [text("a join as it crosses", &SealedJoin { challenge, message: vec![0, 1, 254, 255] })],
+        "sealed_joins": [
+            text("a join as it crosses", &SealedJoin { challenge, message: vec![0, 1, 254, 255], invite: None }),
+            text("a guest's", &SealedJoin { challenge, message: vec![7], invite: Some(InviteId::new(0x1a)) }),
+        ],
+        "farewells": [text("an invite that has ended", &Farewell { lease: 17, reason: "the invite has ended".to_owned() })],
         "sealed_replies": [
             text("answered", &SealedReply::Answered { message: vec![0, 1, 254, 255] }),
             text("refused", &SealedReply::Refused {

@@ -19,6 +19,7 @@ mod watcher;
 
 use std::sync::Arc;
 
+use axum::Extension;
 use axum::extract::State;
 use axum::extract::WebSocketUpgrade;
 use axum::extract::ws::rejection::WebSocketUpgradeRejection;
@@ -39,6 +40,7 @@ use super::problem::{
     UPGRADE,
 };
 use super::{Api, MAX_WATCHERS};
+use crate::doors::Pass;
 
 /// Longest message from a watcher, bytes. The longest that means something is a fresh stepped block.
 const MAX_INCOMING: usize = 16 * 1024;
@@ -66,7 +68,7 @@ refusals!(WatchRefusals: HANDSHAKE, NO_SUBPROTOCOL, PATH, NO_SUCH_SESSION, UPGRA
 /// A watcher costs at most 2 Mbit/s. One that reads slowly gets merged bricks and loses old telemetry, which is
 /// counted. The server closes with 4404 when the session has ended, with 4408 when a message could not be handed over
 /// within ten seconds or pings were not answered for 25, with 1009 when a message is too long, with 1002 or 1007 when
-/// one breaks the protocol. A `problem` comes before 1009 and 1007.
+/// one breaks the protocol, with 4403 when the invite has ended that it was opened with. A `problem` comes before 1009 and 1007.
 #[utoipa::path(
     get, path = "/sessions/{id}/stream", tag = "watching",
     params(
@@ -78,6 +80,7 @@ refusals!(WatchRefusals: HANDSHAKE, NO_SUBPROTOCOL, PATH, NO_SUCH_SESSION, UPGRA
 async fn watch(
     State(api): State<Api>,
     Found { id, live }: Found,
+    Extension(pass): Extension<Pass>,
     headers: HeaderMap,
     upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
 ) -> Result<Response, Failure> {
@@ -101,7 +104,7 @@ async fn watch(
         .write_buffer_size(WRITE_BUFFER)
         .max_write_buffer_size(WRITE_BUFFER + 2 * MAX_MESSAGE)
         .on_upgrade(async move |socket| {
-            let end = Watcher::new(api.clone(), id.clone(), live)
+            let end = Watcher::new(api.clone(), id.clone(), live, pass)
                 .serve(socket)
                 .await;
             tracing::debug!(session = %id, reason = end.word(), "stream ended");

@@ -18,10 +18,12 @@ use super::bricks::Follower;
 use super::budget::Budget;
 use super::heartbeat::{Due, Heartbeat};
 use super::telemetry::Batcher;
+use crate::api::guard::check_admin;
 use crate::api::problem::{Failure, SYNTAX, TOO_LARGE};
 use crate::api::sessions::change_failure;
 use crate::api::{Api, see_through};
 use crate::directory::{ChangeError, Live};
+use crate::doors::Pass;
 use crate::{Event, Sample};
 
 /// Bricks and telemetry go out this often: 25 Hz, which a page drawing at 60 Hz shows within 100 ms of the cut.
@@ -52,6 +54,8 @@ pub(super) enum End {
     Silent,
     /// The session has ended.
     Deleted,
+    /// The invite that let the watcher in has ended.
+    Uninvited,
     /// The watcher sent a message that was too long.
     TooLong,
     /// The watcher sent a text that is not UTF-8.
@@ -69,6 +73,7 @@ impl End {
             Self::Slow => "slow",
             Self::Silent => "silent",
             Self::Deleted => "session-ended",
+            Self::Uninvited => "invite-ended",
             Self::TooLong => "too-long",
             Self::NotText => "not-text",
             Self::Protocol => "protocol",
@@ -92,6 +97,7 @@ impl End {
             | Self::Slow
             | Self::Silent
             | Self::Deleted
+            | Self::Uninvited
             | Self::Protocol => None,
         }
     }
@@ -103,6 +109,7 @@ impl End {
             Self::Slow => (4408, "messages were not read for ten seconds"),
             Self::Silent => (4408, "pings were not answered for 25 seconds"),
             Self::Deleted => (4404, "the session has ended"),
+            Self::Uninvited => (4403, "the invite has ended"),
             Self::TooLong => (close_code::SIZE, "messages have at most 16384 bytes"),
             Self::NotText => (close_code::INVALID, "text messages are UTF-8"),
             Self::Protocol => (close_code::PROTOCOL, "that was no WebSocket frame"),
@@ -122,6 +129,7 @@ pub(super) struct Watcher {
     api: Api,
     id: SessionId,
     live: Live,
+    pass: Pass,
     budget: Budget,
     telemetry: Batcher,
     samples: Option<Receiver<Sample>>,
@@ -135,12 +143,13 @@ pub(super) struct Watcher {
 }
 
 impl Watcher {
-    pub(super) fn new(api: Api, id: SessionId, live: Live) -> Self {
+    pub(super) fn new(api: Api, id: SessionId, live: Live, pass: Pass) -> Self {
         Self {
             api,
             id,
             events: live.events(),
             live,
+            pass,
             budget: Budget::full(Instant::now()),
             telemetry: Batcher::default(),
             samples: None,
@@ -292,12 +301,20 @@ impl Watcher {
             Message::Ping(_) | Message::Pong(_) => return Ok(()),
             Message::Close(_) => return Err(End::Left),
         };
-        match ClientText::parse(&text) {
+        let asked = ClientText::parse(&text);
+        if let Ok(ClientText::Patch { .. } | ClientText::Reset { .. }) = &asked
+            && let Err(failure) = check_admin(&self.pass)
+        {
+            self.tell("403");
+            return self.say(socket, &problem(failure)).await;
+        }
+        match asked {
             Ok(ClientText::Subscribe { telemetry, bricks }) => {
                 self.subscribe(telemetry, bricks);
                 Ok(())
             }
             Ok(ClientText::Patch { session }) => {
+                self.tell("asked");
                 if let Err(error) = session.fits(self.live.state().network) {
                     return self
                         .say(socket, &problem(error.under("/session").into()))
@@ -309,6 +326,7 @@ impl Watcher {
                 Ok(())
             }
             Ok(ClientText::Reset { clay }) => {
+                self.tell("asked");
                 let (live, id) = (self.live.clone(), self.id.clone());
                 let change = see_through(async move { live.reset(clay, None).await });
                 self.change = Some(Box::pin(async move { told(change.await, "/clay", &id) }));
@@ -317,6 +335,12 @@ impl Watcher {
             Ok(ClientText::Ping { nonce }) => self.say(socket, &ServerText::Pong { nonce }).await,
             Err(error) => self.say(socket, &problem(error.into())).await,
         }
+    }
+
+    /// Writes down that a change was asked for.
+    fn tell(&self, outcome: &str) {
+        let doors = &self.api.config().doors;
+        doors.tell(&self.pass.who, "change by stream", Some(&self.id), outcome);
     }
 
     fn subscribe(&mut self, telemetry: Switch, bricks: Switch) {
@@ -335,6 +359,9 @@ impl Watcher {
     }
 
     async fn send_state(&mut self, socket: &mut WebSocket) -> Result<(), End> {
+        if !self.api.config().doors.is_good(&self.pass) {
+            return Err(End::Uninvited);
+        }
         self.ticks_to_state = TICKS_PER_STATE;
         let session = Box::new(self.live.state());
         self.say(socket, &ServerText::State { session }).await

@@ -1,0 +1,126 @@
+//! What the server shows of itself: a certificate of its own authority, or one that it was given.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, SystemTime};
+
+use anyhow::Context as _;
+use teleclay_doors::{Authority, Identity};
+use teleclay_front::Security;
+
+/// A certificate that was given is looked at again this often.
+const LOOK_EVERY: Duration = Duration::from_secs(10);
+
+/// Where the certificate comes from.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Source {
+    /// The server's own authority, which lies in the data folder.
+    Own,
+    /// Files in PEM: the certificate with those that vouch for it, and the private key.
+    Given {
+        /// The certificate.
+        chain: PathBuf,
+        /// The private key.
+        key: PathBuf,
+    },
+}
+
+impl Source {
+    /// A certificate, for a server that goes by these names.
+    ///
+    /// # Errors
+    /// A file cannot be read or written, or holds something else.
+    pub fn identity(&self, data: &Path, names: &[String]) -> anyhow::Result<Identity> {
+        match self {
+            Self::Own => Ok(Authority::open(data)?.issue(names)?),
+            Self::Given { chain, key } => Ok(Identity::read(chain, key)?),
+        }
+    }
+
+    /// Shows each certificate that is put in place of the one that was given, for as long as it is waited for.
+    pub(crate) async fn follow(self, security: Security) {
+        let Self::Given { chain, key } = self else {
+            return std::future::pending().await;
+        };
+        let changed = |path: &Path| std::fs::metadata(path).and_then(|file| file.modified()).ok();
+        let version = || -> (Option<SystemTime>, Option<SystemTime>) { (changed(&chain), changed(&key)) };
+        let mut shown = version();
+        loop {
+            tokio::time::sleep(LOOK_EVERY).await;
+            let now = version();
+            if now == shown {
+                continue;
+            }
+            let read = Identity::read(&chain, &key).context("its files");
+            let replaced = read.and_then(|identity| {
+                Ok(security.replace(&identity.chain_pem, &identity.key_pem)?)
+            });
+            match replaced {
+                Ok(()) => {
+                    shown = now;
+                    tracing::info!(
+                        "the page shows a new certificate; handles see it when the server starts again"
+                    );
+                }
+                // It may be half written; it is looked at again.
+                Err(error) => tracing::warn!("the certificate has changed, and the new one cannot be shown: {error:#}"),
+            }
+        }
+    }
+}
+
+/// An address of this machine that others may reach, if it has one.
+pub(crate) fn own_address() -> Option<String> {
+    let interfaces = pnet_datalink::interfaces();
+    let mut addresses = interfaces.iter().flat_map(|interface| &interface.ips);
+    let others = addresses.find(|network| network.is_ipv4() && !network.ip().is_loopback());
+    others.map(|network| network.ip().to_string())
+}
+
+/// Every name and address by which the server may be reached: what it was told, and what this machine has.
+pub fn names(told: &[String]) -> Vec<String> {
+    let mut names: BTreeSet<String> = told.iter().cloned().collect();
+    names.insert("localhost".to_owned());
+    names.extend(std::fs::read_to_string("/proc/sys/kernel/hostname").ok().map(|name| name.trim().to_owned()));
+    let interfaces = pnet_datalink::interfaces();
+    let addresses = interfaces.iter().flat_map(|interface| &interface.ips);
+    names.extend(addresses.map(|network| network.ip().to_string()));
+    // A machine's name may be one that no certificate can have.
+    names.retain(|name| is_name(name));
+    names.into_iter().collect()
+}
+
+/// Whether a certificate can be for it.
+pub fn is_name(name: &str) -> bool {
+    let label = |label: &str| {
+        (1..=63).contains(&label.len())
+            && label.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'-')
+            && !label.starts_with('-')
+            && !label.ends_with('-')
+    };
+    name.parse::<std::net::IpAddr>().is_ok() || (name.len() <= 253 && name.split('.').all(label))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_machine_goes_by_its_addresses_and_by_what_it_is_told() {
+        let names = names(&["lab.example".to_owned(), "not a name".to_owned()]);
+        for expected in ["localhost", "127.0.0.1", "lab.example"] {
+            assert!(names.iter().any(|name| name == expected), "{names:?}");
+        }
+        assert!(!names.iter().any(|name| name.contains(' ')));
+    }
+
+    #[test]
+    fn names_that_no_certificate_can_have_are_told_from_the_rest() {
+        for good in ["lab.example", "a", "192.0.2.7", "2001:db8::1", "xn--abc"] {
+            assert!(is_name(good), "{good}");
+        }
+        for bad in ["", "my_box", "-a", "a..b", "a b", "lab.example."] {
+            assert!(!is_name(bad), "{bad}");
+        }
+    }
+}
