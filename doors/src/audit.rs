@@ -220,7 +220,8 @@ mod tests {
         };
         for number in 0..KEPT + 2 {
             log.file.set_len(LONGEST_FILE + 1).unwrap();
-            log.write(OffsetDateTime::UNIX_EPOCH, &deed(&number.to_string())).unwrap();
+            log.write(OffsetDateTime::UNIX_EPOCH, &deed(&number.to_string()))
+                .unwrap();
         }
         let there = |number: u32| path.with_extension(format!("jsonl.{number}")).exists();
         assert!(path.exists() && (1..=KEPT).all(there) && !there(KEPT + 1));

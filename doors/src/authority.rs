@@ -102,7 +102,9 @@ impl Authority {
             // The key is written first: without the other file nobody has seen the authority yet.
             (None, _) => {
                 let key = KeyPair::generate()?;
-                let pem = of_authority(OffsetDateTime::now_utc()).self_signed(&key)?.pem();
+                let pem = of_authority(OffsetDateTime::now_utc())
+                    .self_signed(&key)?
+                    .pem();
                 files::replace(&key_path, &key.serialize_pem())?;
                 files::replace(&path, &pem)?;
                 (pem, key)
@@ -189,7 +191,9 @@ fn check_pair(pem: &str, key: &KeyPair) -> Result<(), String> {
         CertificateDer::from_pem_slice(pem.as_bytes()).map_err(|error| error.to_string())?;
     let public = rcgen::PublicKeyData::der_bytes(key);
     let holds = certificate.windows(public.len()).any(|part| part == public);
-    holds.then_some(()).ok_or_else(|| "it does not belong to authority.key".to_owned())
+    holds
+        .then_some(())
+        .ok_or_else(|| "it does not belong to authority.key".to_owned())
 }
 
 #[cfg(test)]
@@ -206,7 +210,10 @@ mod tests {
         let names = ["localhost".to_owned(), "192.0.2.7".to_owned()];
         let (one, two) = (made.issue(&names).unwrap(), found.issue(&names).unwrap());
         assert_eq!(one.fingerprint, two.fingerprint);
-        assert_ne!((&one.chain_pem, &one.key_pem), (&two.chain_pem, &two.key_pem));
+        assert_ne!(
+            (&one.chain_pem, &one.key_pem),
+            (&two.chain_pem, &two.key_pem)
+        );
         std::fs::remove_dir_all(data).unwrap();
     }
 
@@ -233,7 +240,10 @@ mod tests {
         let data = test_folder("modes");
         Authority::open(&data).unwrap();
         for file in ["authority.key", "authority.pem"] {
-            let mode = std::fs::metadata(data.join("doors").join(file)).unwrap().permissions().mode();
+            let mode = std::fs::metadata(data.join("doors").join(file))
+                .unwrap()
+                .permissions()
+                .mode();
             assert_eq!(mode & 0o777, 0o600, "{file}");
         }
         std::fs::remove_dir_all(data).unwrap();

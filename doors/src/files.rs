@@ -92,7 +92,9 @@ pub(crate) fn replace(path: &Path, text: &str) -> Result<(), DoorError> {
     file.sync_all().at(&fresh)?;
     fs::rename(&fresh, path).at(path)?;
     let folder = path.parent().unwrap_or(Path::new("."));
-    File::open(folder).and_then(|folder| folder.sync_all()).at(folder)
+    File::open(folder)
+        .and_then(|folder| folder.sync_all())
+        .at(folder)
 }
 
 /// Keeps other processes from what is done while the lock is held.

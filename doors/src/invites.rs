@@ -286,11 +286,16 @@ mod tests {
         let data = test_folder("invites");
         let invites = Invites::open(&data).unwrap();
         let now = SystemTime::now();
-        let for_an_hour = invites.make(now, demo(), Role::Operator, Some(HOUR)).unwrap();
+        let for_an_hour = invites
+            .make(now, demo(), Role::Operator, Some(HOUR))
+            .unwrap();
         let for_ever = invites.make(now, demo(), Role::Spectator, None).unwrap();
         let guest = |at: SystemTime, token: &InviteToken| invites.guest(at, token.id()).unwrap();
         let operator = guest(now, &for_an_hour).unwrap();
-        assert_eq!((operator.role, &operator.session), (Role::Operator, &demo()));
+        assert_eq!(
+            (operator.role, &operator.session),
+            (Role::Operator, &demo())
+        );
         assert_eq!(operator.secret, Secret::of_token(&for_an_hour.to_string()));
         assert_ne!(operator.secret, Secret::of_token(&for_ever.to_string()));
         assert_eq!(guest(now + HOUR, &for_an_hour), None);
@@ -343,12 +348,16 @@ mod tests {
         let data = test_folder("old");
         let invites = Invites::open(&data).unwrap();
         let now = SystemTime::now();
-        let old = invites.make(now, demo(), Role::Operator, Some(HOUR)).unwrap();
+        let old = invites
+            .make(now, demo(), Role::Operator, Some(HOUR))
+            .unwrap();
         let later = now + 2 * HOUR;
         invites.make(later, demo(), Role::Operator, None).unwrap();
         assert_eq!(invites.list().unwrap().len(), 2);
         let much_later = later + KEPT_FOR;
-        invites.make(much_later, demo(), Role::Operator, None).unwrap();
+        invites
+            .make(much_later, demo(), Role::Operator, None)
+            .unwrap();
         let left = invites.list().unwrap();
         assert!(left.len() == 2 && left.iter().all(|(id, _)| *id != old.id()));
         std::fs::remove_dir_all(data).unwrap();

@@ -1,11 +1,13 @@
 //! Round trips: the product's, beside a bare Zenoh ping-pong and a bare UDP one between the same two cores.
 
 use std::net::{SocketAddr, UdpSocket};
+use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, bail};
 use serde_json::Value;
+use teleclay_doors::Authority;
 use teleclay_shell::network::{CONTROL_QOS, Endpoints, open};
 
 use crate::row::{Row, quantile};
@@ -18,11 +20,14 @@ const PACE: Duration = Duration::from_millis(1);
 const PAYLOAD: usize = 240;
 /// A tick's wait is half a millisecond on average; the rest is what this project may add.
 const ALLOWANCE_S: f64 = 0.6e-3;
+/// What encryption may add: both ways, both ends.
+const FOR_ENCRYPTION_S: f64 = 0.15e-3;
 const PATIENCE: Duration = Duration::from_secs(20);
 
 const HTTP: &str = "127.0.0.1:18099";
 const ZENOH: &str = "tcp/127.0.0.1:17499";
 const ZENOH_ECHO: &str = "tcp/127.0.0.1:17489";
+const ENCRYPTED_ECHO: &str = "quic/127.0.0.1:17495";
 const UDP_ECHO: &str = "127.0.0.1:17488";
 
 /// A child that ends with this value.
@@ -38,12 +43,21 @@ impl Drop for Held {
 
 pub(crate) fn rows() -> anyhow::Result<Vec<Row>> {
     let mut udp = udp_round_trips().context("bare UDP")?;
-    let mut bare = zenoh_round_trips().context("bare Zenoh")?;
+    let mut bare = zenoh_round_trips(ZENOH_ECHO).context("bare Zenoh")?;
+    let mut encrypted = zenoh_round_trips(ENCRYPTED_ECHO).context("bare Zenoh over QUIC")?;
+    std::fs::remove_dir_all(folder())?;
     let product = product_round_trips().context("server and handle")?;
     let (udp_p50, bare_p50) = (quantile(&mut udp, 0.5), quantile(&mut bare, 0.5));
     Ok(vec![
         Row::new("bare_udp_round_trip_p50_s", "s", bare_p50, udp_p50),
         Row::new("bare_zenoh_round_trip_p50_s", "s", bare_p50, bare_p50).beside(udp_p50),
+        Row::new(
+            "bare_zenoh_encrypted_round_trip_p50_s",
+            "s",
+            bare_p50 + FOR_ENCRYPTION_S,
+            quantile(&mut encrypted, 0.5),
+        )
+        .beside(bare_p50),
         Row::new("round_trip_p50_s", "s", bare_p50 + ALLOWANCE_S, product.p50).beside(bare_p50),
         Row::new(
             "round_trip_p99_s",
@@ -132,7 +146,12 @@ async fn publisher(
 pub(crate) fn echo_zenoh(endpoint: &str) -> anyhow::Result<()> {
     use zenoh::Wait as _;
     runtime()?.block_on(async {
-        let endpoints = Endpoints::listening(endpoint.parse()?);
+        let authority = Authority::open(&folder())?;
+        let identity = authority.issue(&["127.0.0.1".to_owned()])?;
+        let endpoints = Endpoints {
+            identity: Some((identity.chain_pem, identity.key_pem)),
+            ..Endpoints::listening(endpoint.parse()?)
+        };
         let session = open(&endpoints).await?;
         let back = publisher(&session, "figures/pong").await?;
         let _echo = session
@@ -148,12 +167,21 @@ pub(crate) fn echo_zenoh(endpoint: &str) -> anyhow::Result<()> {
     })
 }
 
-fn zenoh_round_trips() -> anyhow::Result<Vec<u64>> {
+/// The authority of echoes that are encrypted: theirs, and trusted by whoever asks them.
+fn folder() -> PathBuf {
+    std::env::temp_dir().join("teleclay-figures-authority")
+}
+
+fn zenoh_round_trips(endpoint: &str) -> anyhow::Result<Vec<u64>> {
     use zenoh::Wait as _;
-    let _echo = myself(&["--echo-zenoh", ZENOH_ECHO])?;
+    let _echo = myself(&["--echo-zenoh", endpoint])?;
     let runtime = runtime()?;
     runtime.block_on(async {
-        let endpoints = Endpoints::connecting(ZENOH_ECHO.parse()?);
+        let authority = Authority::open(&folder())?;
+        let endpoints = Endpoints {
+            trusted: Some(authority.pem().to_owned()),
+            ..Endpoints::connecting(endpoint.parse()?)
+        };
         let session = open(&endpoints).await?;
         let out = publisher(&session, "figures/ping").await?;
         let (arrived, arrivals) = std::sync::mpsc::channel();

@@ -59,11 +59,19 @@ impl Security {
         Ok(())
     }
 
-    pub(crate) async fn accept<C>(&self, connection: C, within: Duration) -> io::Result<TlsStream<C>>
+    pub(crate) async fn accept<C>(
+        &self,
+        connection: C,
+        within: Duration,
+    ) -> io::Result<TlsStream<C>>
     where
         C: AsyncRead + AsyncWrite + Unpin,
     {
-        let acceptor = self.0.read().unwrap_or_else(PoisonError::into_inner).clone();
+        let acceptor = self
+            .0
+            .read()
+            .unwrap_or_else(PoisonError::into_inner)
+            .clone();
         timeout(within, acceptor.accept(connection))
             .await
             .map_err(|_| io::Error::from(io::ErrorKind::TimedOut))?
@@ -121,7 +129,10 @@ async fn redirect(OriginalUri(asked): OriginalUri, headers: HeaderMap) -> Respon
     let location = format!("https://{host}{rest}");
     (
         StatusCode::PERMANENT_REDIRECT,
-        [(header::LOCATION, location), (header::CONNECTION, "close".to_owned())],
+        [
+            (header::LOCATION, location),
+            (header::CONNECTION, "close".to_owned()),
+        ],
         "this port speaks HTTPS\n",
     )
         .into_response()

@@ -30,7 +30,12 @@ fn house(security: Security) -> SocketAddr {
     let listener = bind(SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 0)).unwrap();
     let address = listener.local_addr().unwrap();
     let router = Router::new().route("/word", get(async || "a secret"));
-    tokio::spawn(serve(listener, router, Some(security), std::future::pending()));
+    tokio::spawn(serve(
+        listener,
+        router,
+        Some(security),
+        std::future::pending(),
+    ));
     address
 }
 
@@ -71,11 +76,17 @@ async fn what_is_served_is_served_encrypted_and_to_nobody_else() {
     let security = Security::new(&identity.chain_pem, &identity.key_pem).unwrap();
     let address = house(security);
     let said = ask(address, &identity).await.unwrap();
-    assert!(said.starts_with("HTTP/1.1 200") && said.ends_with("a secret"), "{said}");
+    assert!(
+        said.starts_with("HTTP/1.1 200") && said.ends_with("a secret"),
+        "{said}"
+    );
     // Whoever asks in the clear is sent to the same place, encrypted, and told nothing else.
     let said = ask_in_the_clear(address, ASK).await;
     assert!(said.starts_with("HTTP/1.1 308"), "{said}");
-    assert!(said.contains("location: https://lab.example:1/word\r\n"), "{said}");
+    assert!(
+        said.contains("location: https://lab.example:1/word\r\n"),
+        "{said}"
+    );
     assert!(!said.contains("a secret"));
     let said = ask_in_the_clear(address, b"GET /word HTTP/1.0\r\n\r\n").await;
     assert!(said.starts_with("HTTP/1."), "{said}");

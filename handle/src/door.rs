@@ -29,7 +29,10 @@ impl Door {
     ///
     /// # Errors
     /// Whoever is there must not be spoken to.
-    pub(crate) async fn wait(&self, on_absence: impl FnOnce()) -> Result<Option<String>, ProbeError> {
+    pub(crate) async fn wait(
+        &self,
+        on_absence: impl FnOnce(),
+    ) -> Result<Option<String>, ProbeError> {
         let mut on_absence = Some(on_absence);
         loop {
             match trusted(&self.endpoint, self.fingerprint).await {

@@ -242,7 +242,10 @@ impl fmt::Display for Event {
             ),
             Self::ServerGone => f.write_str("the server has gone: force released, joining again"),
             Self::TakenBack { reason } => {
-                write!(f, "the server has taken the tool back: {reason}; force released")
+                write!(
+                    f,
+                    "the server has taken the tool back: {reason}; force released"
+                )
             }
             Self::Copied { epoch, took_s } => write!(
                 f,

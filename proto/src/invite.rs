@@ -183,7 +183,11 @@ pub struct InviteLine {
 
 impl fmt::Display for InviteLine {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{LINE}{},{},{},", self.endpoint, self.realm, self.session)?;
+        write!(
+            f,
+            "{LINE}{},{},{},",
+            self.endpoint, self.realm, self.session
+        )?;
         match self.fingerprint {
             Some(fingerprint) => write!(f, "{fingerprint}")?,
             None => f.write_str(NONE)?,

@@ -33,8 +33,11 @@ fn main() -> ExitCode {
             Err(error) => failed(&error),
         };
     }
-    let filter = tracing_subscriber::EnvFilter::try_from_env("TELECLAY_LOG")
-        .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("info,zenoh=error,zenoh_link_commons::quic=warn,zenoh_link_tls=warn"));
+    let filter = tracing_subscriber::EnvFilter::try_from_env("TELECLAY_LOG").unwrap_or_else(|_| {
+        tracing_subscriber::EnvFilter::new(
+            "info,zenoh=error,zenoh_link_commons::quic=warn,zenoh_link_tls=warn",
+        )
+    });
     tracing_subscriber::fmt()
         .with_env_filter(filter)
         .with_writer(std::io::stderr)

@@ -253,9 +253,17 @@ fn tell_address(
     listens: SocketAddr,
     identity: Option<&Identity>,
 ) -> anyhow::Result<String> {
-    let known = || settings.hosts.first().cloned().or_else(certificates::own_address);
+    let known = || {
+        settings
+            .hosts
+            .first()
+            .cloned()
+            .or_else(certificates::own_address)
+    };
     let page_host = match listens.ip() {
-        everywhere if everywhere.is_unspecified() => known().unwrap_or_else(|| listens.ip().to_string()),
+        everywhere if everywhere.is_unspecified() => {
+            known().unwrap_or_else(|| listens.ip().to_string())
+        }
         ip => ip.to_string(),
     };
     let scheme = if settings.is_https { "https" } else { "http" };

@@ -23,13 +23,7 @@ use crate::endpoint::{Endpoint, Protocol};
 /// A server answers within this, or is not there.
 const PATIENCE: Duration = Duration::from_secs(5);
 /// What Zenoh's QUIC speaks, release by release: each is offered, so that every one is found.
-const ZENOH_PROTOCOLS: [&[u8]; 5] = [
-    b"zenoh-ms-mr",
-    b"zenoh-mr",
-    b"zenoh-ms",
-    b"zenoh",
-    b"hq-29",
-];
+const ZENOH_PROTOCOLS: [&[u8]; 5] = [b"zenoh-ms-mr", b"zenoh-mr", b"zenoh-ms", b"zenoh", b"hq-29"];
 
 /// Why a server's certificate is not known.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -81,7 +75,10 @@ pub async fn trusted(
     match met {
         Ok(Ok(())) => Ok(verifier.trusted_pem()),
         Ok(Err(reason)) => Err(unreachable(reason)),
-        Err(_) => Err(unreachable(format!("nothing within {} s", PATIENCE.as_secs()))),
+        Err(_) => Err(unreachable(format!(
+            "nothing within {} s",
+            PATIENCE.as_secs()
+        ))),
     }
 }
 
@@ -98,11 +95,17 @@ async fn meet(endpoint: &Endpoint, verifier: &Arc<Verifier>) -> Result<(), Strin
         .with_custom_certificate_verifier(Arc::clone(verifier) as Arc<dyn ServerCertVerifier>)
         .with_no_client_auth();
     if endpoint.protocol == Protocol::Tls {
-        let host = ServerName::try_from(endpoint.bare_host().to_owned())
+        let host =
+            ServerName::try_from(endpoint.bare_host().to_owned()).map_err(|error| words(&error))?;
+        let stream = TcpStream::connect(address)
+            .await
             .map_err(|error| words(&error))?;
-        let stream = TcpStream::connect(address).await.map_err(|error| words(&error))?;
         let connector = tokio_rustls::TlsConnector::from(Arc::new(config));
-        return connector.connect(host, stream).await.map(drop).map_err(|error| words(&error));
+        return connector
+            .connect(host, stream)
+            .await
+            .map(drop)
+            .map_err(|error| words(&error));
     }
     config.alpn_protocols = ZENOH_PROTOCOLS.map(<[u8]>::to_vec).to_vec();
     let config = QuicClientConfig::try_from(config).map_err(|error| words(&error))?;
@@ -151,15 +154,13 @@ impl Verifier {
         let roots = RootCertStore {
             roots: webpki_roots::TLS_SERVER_ROOTS.to_vec(),
         };
-        let public = WebPkiServerVerifier::builder_with_provider(
-            Arc::new(roots),
-            Arc::clone(&provider),
-        )
-        .build()
-        .map_err(|error| ProbeError::Unreachable {
-            endpoint: endpoint.to_owned(),
-            reason: error.to_string(),
-        })?;
+        let public =
+            WebPkiServerVerifier::builder_with_provider(Arc::new(roots), Arc::clone(&provider))
+                .build()
+                .map_err(|error| ProbeError::Unreachable {
+                    endpoint: endpoint.to_owned(),
+                    reason: error.to_string(),
+                })?;
         Ok(Self {
             pin,
             provider,
@@ -188,7 +189,9 @@ impl Verifier {
         now: UnixTime,
     ) -> Result<ServerCertVerified, Error> {
         let Some(pin) = self.pin else {
-            return self.public.verify_server_cert(shown, behind, host, &[], now);
+            return self
+                .public
+                .verify_server_cert(shown, behind, host, &[], now);
         };
         let mut chain = behind.iter().chain([shown]);
         let pinned = chain
@@ -207,7 +210,8 @@ impl Verifier {
 }
 
 /// Said of a server that is not the one that was meant.
-const ANOTHER: &str = "it is another server's than the fingerprint names, or somebody stands in between";
+const ANOTHER: &str =
+    "it is another server's than the fingerprint names, or somebody stands in between";
 
 /// What is wrong with a certificate, for people.
 fn in_words(error: &Error) -> String {

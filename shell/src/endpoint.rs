@@ -155,7 +155,8 @@ impl Endpoint {
     /// Whether it stands for every address of a machine.
     #[must_use]
     pub fn is_everywhere(&self) -> bool {
-        self.address().is_some_and(|address| address.is_unspecified())
+        self.address()
+            .is_some_and(|address| address.is_unspecified())
     }
 
     /// As Zenoh is told: what a protocol should do and does not by itself is said.
@@ -222,7 +223,10 @@ impl FromStr for Endpoint {
                     got: got.to_owned(),
                     protocol: *protocol,
                     parameter: parameter.to_owned(),
-                    wanted: format!("want {}, each once", wanted.collect::<Vec<_>>().join(" or ")),
+                    wanted: format!(
+                        "want {}, each once",
+                        wanted.collect::<Vec<_>>().join(" or ")
+                    ),
                 });
             }
             let parameter = (name.to_owned(), value.to_owned());
@@ -283,7 +287,9 @@ mod tests {
         ] {
             assert!(!endpoint(outside).is_loopback(), "{outside}");
         }
-        assert!(endpoint("quic/[::]:1").is_everywhere() && endpoint("tcp/0.0.0.0:1").is_everywhere());
+        assert!(
+            endpoint("quic/[::]:1").is_everywhere() && endpoint("tcp/0.0.0.0:1").is_everywhere()
+        );
     }
 
     #[test]
@@ -317,7 +323,10 @@ mod tests {
     #[test]
     fn the_neighbour_is_the_next_port_and_speaks_alike() {
         let neighbour = |text: &str| endpoint(text).neighbour(1).map(|next| next.to_string());
-        assert_eq!(neighbour("tcp/127.0.0.1:7547").unwrap(), "tcp/127.0.0.1:7548");
+        assert_eq!(
+            neighbour("tcp/127.0.0.1:7547").unwrap(),
+            "tcp/127.0.0.1:7548"
+        );
         assert_eq!(
             neighbour("quic/[::1]:7547?mixed_rel=0").unwrap(),
             "quic/[::1]:7548?mixed_rel=0"
@@ -331,7 +340,10 @@ mod tests {
     fn frames_cross_quic_as_datagrams_unless_told_otherwise() {
         let told = |text: &str| endpoint(text).for_zenoh();
         assert_eq!(told("quic/127.0.0.1:1"), "quic/127.0.0.1:1?mixed_rel=1");
-        assert_eq!(told("quic/127.0.0.1:1?mixed_rel=0"), "quic/127.0.0.1:1?mixed_rel=0");
+        assert_eq!(
+            told("quic/127.0.0.1:1?mixed_rel=0"),
+            "quic/127.0.0.1:1?mixed_rel=0"
+        );
         assert_eq!(told("udp/127.0.0.1:1"), "udp/127.0.0.1:1");
     }
 }

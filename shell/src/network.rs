@@ -187,7 +187,9 @@ fn config(endpoints: &Endpoints) -> Result<Config, zenoh::Error> {
 
 /// Zenoh's access control: what no rule allows is not let through, whoever sends it.
 fn access_control(rules: &[Rule]) -> serde_json::Value {
-    let names: Vec<String> = (1..=rules.len()).map(|number| format!("rule {number}")).collect();
+    let names: Vec<String> = (1..=rules.len())
+        .map(|number| format!("rule {number}"))
+        .collect();
     let rules: Vec<serde_json::Value> = names
         .iter()
         .zip(rules)

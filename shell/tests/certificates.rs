@@ -47,9 +47,9 @@ async fn over_tls(identity: &Identity) -> Server {
         while let Ok((stream, _)) = listener.accept().await {
             let shaken = match acceptor.accept(stream).await {
                 // What the other end thinks of the certificate is heard once something is read.
-                Ok(mut stream) => {
-                    tokio::io::AsyncReadExt::read(&mut stream, &mut [0]).await.map(drop)
-                }
+                Ok(mut stream) => tokio::io::AsyncReadExt::read(&mut stream, &mut [0])
+                    .await
+                    .map(drop),
                 Err(error) => Err(error),
             };
             let _ = tell.send(shaken.map_err(|error| error.to_string()));

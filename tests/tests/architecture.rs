@@ -8,16 +8,17 @@ use std::process::Command;
 use serde_json::Value;
 
 /// Which rooms each room uses, tests of it included: exactly these.
-const USES: [(&str, &[&str]); 21] = [
+const USES: [(&str, &[&str]); 22] = [
     ("control", &[]),
     ("kinematics", &[]),
     ("clay", &[]),
     ("device", &[]),
     ("channel", &[]),
-    ("front", &[]),
     ("rules", &[]),
     ("wire", &[]),
     ("proto", &["wire"]),
+    ("doors", &["channel", "proto"]),
+    ("front", &["doors"]),
     ("page", &["clay", "control", "kinematics", "wire"]),
     ("operator", &["control", "device", "kinematics"]),
     ("link", &["clay", "control", "proto"]),
@@ -44,7 +45,7 @@ const USES: [(&str, &[&str]); 21] = [
             "clay", "control", "link", "operator", "proto", "session", "sim",
         ],
     ),
-    ("shell", &["link"]),
+    ("shell", &["doors", "link", "proto"]),
     (
         "server",
         &[
@@ -52,6 +53,7 @@ const USES: [(&str, &[&str]); 21] = [
             "channel",
             "clay",
             "control",
+            "doors",
             "front",
             "link",
             "offline",

@@ -216,13 +216,21 @@ mod tests {
     #[test]
     fn a_slow_endpoint_that_listens_everywhere_is_reached_where_the_server_is() {
         for (slow, known, reached) in [
-            ("tcp/0.0.0.0:7548", "tcp/192.0.2.7:7547", "tcp/192.0.2.7:7548"),
+            (
+                "tcp/0.0.0.0:7548",
+                "tcp/192.0.2.7:7547",
+                "tcp/192.0.2.7:7548",
+            ),
             (
                 "quic/[::]:7548?mixed_rel=0",
                 "quic/[2001:db8::1]:7547",
                 "quic/[2001:db8::1]:7548?mixed_rel=0",
             ),
-            ("tcp/127.0.0.1:7548", "tcp/192.0.2.7:7547", "tcp/127.0.0.1:7548"),
+            (
+                "tcp/127.0.0.1:7548",
+                "tcp/192.0.2.7:7547",
+                "tcp/127.0.0.1:7548",
+            ),
         ] {
             let [slow, known] = [slow, known].map(|text| text.parse().unwrap());
             assert_eq!(reachable(&slow, &known).to_string(), reached);

@@ -30,8 +30,8 @@ use tokio::sync::watch;
 use tokio::time::{Instant, Interval, MissedTickBehavior, interval, sleep_until, timeout};
 use zenoh::Session;
 
-use crate::door::Door;
 use crate::device::{Device, DeviceError, DeviceSetup};
+use crate::door::Door;
 use crate::engine::{Engine, Mode, Order};
 use crate::event::Event;
 use crate::grant::JoinGrant;

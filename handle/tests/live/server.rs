@@ -132,7 +132,9 @@ impl Server {
         first_lease: u32,
         parameters: LoopParameters,
     ) -> Self {
-        let neighbour = endpoint.parse().map(|endpoint: Endpoint| endpoint.neighbour(1));
+        let neighbour = endpoint
+            .parse()
+            .map(|endpoint: Endpoint| endpoint.neighbour(1));
         let slow_endpoint = neighbour
             .expect("it is one")
             .expect("the port was chosen so")

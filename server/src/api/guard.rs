@@ -10,9 +10,9 @@
 use std::net::IpAddr;
 use std::time::Instant;
 
+use axum::extract::OriginalUri;
 use axum::extract::{Request, State};
 use axum::http::uri::Authority;
-use axum::extract::OriginalUri;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, Uri, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
@@ -138,9 +138,8 @@ impl<'a> Need<'a> {
             About::Session(other) if other != own.as_str() => {
                 Err(NOT_ALLOWED.because(format!("the invite is to session {own}")))
             }
-            About::Server => {
-                Err(NOT_ALLOWED.because("this concerns the whole server, and the invite is to one session"))
-            }
+            About::Server => Err(NOT_ALLOWED
+                .because("this concerns the whole server, and the invite is to one session")),
             _ if pass.role < self.role => Err(NOT_ALLOWED.because(format!(
                 "this is for an {}, and the invite is for an {}",
                 self.role, pass.role
@@ -277,7 +276,9 @@ fn check_token(
         return Ok(pass);
     }
     tries.count(now, peer);
-    Err(refusal("the request shows another one, or an invite that has ended"))
+    Err(refusal(
+        "the request shows another one, or an invite that has ended",
+    ))
 }
 
 fn refusal(detail: &str) -> Failure {
@@ -413,7 +414,12 @@ mod tests {
                 header::AUTHORIZATION,
                 format!("Bearer {shown}").parse().unwrap(),
             );
-            check_token(&Doors::with_token("correct"), &Tries::default(), None, &headers)
+            check_token(
+                &Doors::with_token("correct"),
+                &Tries::default(),
+                None,
+                &headers,
+            )
         };
         assert_eq!(check("correct"), Ok(Pass::of_the_token()));
         for wrong in ["", "correc", "correct ", "correctly", "Correct"] {
@@ -431,12 +437,36 @@ mod tests {
         for (method, path, needed) in [
             (Method::GET, "/api/v1/sessions", (spectator, About::Nothing)),
             (Method::POST, "/api/v1/sessions", (admin, About::Server)),
-            (Method::GET, "/api/v1/sessions/a", (spectator, About::Session("a"))),
-            (Method::GET, "/api/v1/sessions/a/stream", (spectator, About::Session("a"))),
-            (Method::PATCH, "/api/v1/sessions/a", (admin, About::Session("a"))),
-            (Method::DELETE, "/api/v1/sessions/a/", (admin, About::Session("a"))),
-            (Method::POST, "/api/v1/sessions/a/clay/reset", (admin, About::Session("a"))),
-            (Method::POST, "/api/v1/kinematics/inverse", (spectator, About::Nothing)),
+            (
+                Method::GET,
+                "/api/v1/sessions/a",
+                (spectator, About::Session("a")),
+            ),
+            (
+                Method::GET,
+                "/api/v1/sessions/a/stream",
+                (spectator, About::Session("a")),
+            ),
+            (
+                Method::PATCH,
+                "/api/v1/sessions/a",
+                (admin, About::Session("a")),
+            ),
+            (
+                Method::DELETE,
+                "/api/v1/sessions/a/",
+                (admin, About::Session("a")),
+            ),
+            (
+                Method::POST,
+                "/api/v1/sessions/a/clay/reset",
+                (admin, About::Session("a")),
+            ),
+            (
+                Method::POST,
+                "/api/v1/kinematics/inverse",
+                (spectator, About::Nothing),
+            ),
             (Method::GET, "/metrics", (spectator, About::Server)),
             (Method::POST, "/api/v1/what-is-new", (admin, About::Server)),
         ] {

@@ -19,8 +19,8 @@ use utoipa_axum::routes;
 
 use super::Api;
 use super::problem::{
-    HOST, HOST_MISSING, INTERNAL, KINDS, Kind, METHOD, NOT_ALLOWED, NO_ANSWER, NO_SUCH_PATH, ORIGIN, TOKEN,
-    TOO_MANY_TRIES,
+    HOST, HOST_MISSING, INTERNAL, KINDS, Kind, METHOD, NO_ANSWER, NO_SUCH_PATH, NOT_ALLOWED,
+    ORIGIN, TOKEN, TOO_MANY_TRIES,
 };
 
 /// What any call may be answered with.

@@ -1,9 +1,9 @@
 //! Sessions: listed, made, looked at, changed, ended.
 
-use axum::{Extension, Json};
 use axum::extract::State;
 use axum::http::{StatusCode, header};
 use axum::response::IntoResponse;
+use axum::{Extension, Json};
 use teleclay_proto::SessionId;
 use teleclay_proto::http::{ClayReset, NewSession, Session, SessionPatch};
 use utoipa_axum::router::OpenApiRouter;
@@ -16,8 +16,8 @@ use super::problem::{
     SYNTAX, TOO_LARGE, TOO_MANY_SESSIONS, UNAVAILABLE,
 };
 use super::{Api, see_through};
-use crate::doors::Pass;
 use crate::directory::{ChangeError, CreateError, NoSuchSession};
+use crate::doors::Pass;
 
 /// The calls of this module, under `/api/v1`.
 pub(crate) fn routes() -> OpenApiRouter<Api> {

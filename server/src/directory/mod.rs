@@ -355,7 +355,9 @@ impl Directory {
                     continue;
                 }
                 let who = &holder.pass.who;
-                self.0.doors.tell(who, "leave", Some(live.id()), "the invite has ended");
+                self.0
+                    .doors
+                    .tell(who, "leave", Some(live.id()), "the invite has ended");
                 let words = format!("lease {} was taken back: {who} has ended", holder.lease);
                 live.shared.emit(Level::Warning, words);
                 gone.push((live.clone(), slot, holder));

@@ -42,8 +42,13 @@ impl Source {
         let Self::Given { chain, key } = self else {
             return std::future::pending().await;
         };
-        let changed = |path: &Path| std::fs::metadata(path).and_then(|file| file.modified()).ok();
-        let version = || -> (Option<SystemTime>, Option<SystemTime>) { (changed(&chain), changed(&key)) };
+        let changed = |path: &Path| {
+            std::fs::metadata(path)
+                .and_then(|file| file.modified())
+                .ok()
+        };
+        let version =
+            || -> (Option<SystemTime>, Option<SystemTime>) { (changed(&chain), changed(&key)) };
         let mut shown = version();
         loop {
             tokio::time::sleep(LOOK_EVERY).await;
@@ -52,9 +57,8 @@ impl Source {
                 continue;
             }
             let read = Identity::read(&chain, &key).context("its files");
-            let replaced = read.and_then(|identity| {
-                Ok(security.replace(&identity.chain_pem, &identity.key_pem)?)
-            });
+            let replaced = read
+                .and_then(|identity| Ok(security.replace(&identity.chain_pem, &identity.key_pem)?));
             match replaced {
                 Ok(()) => {
                     shown = now;
@@ -63,7 +67,9 @@ impl Source {
                     );
                 }
                 // It may be half written; it is looked at again.
-                Err(error) => tracing::warn!("the certificate has changed, and the new one cannot be shown: {error:#}"),
+                Err(error) => tracing::warn!(
+                    "the certificate has changed, and the new one cannot be shown: {error:#}"
+                ),
             }
         }
     }
@@ -81,7 +87,11 @@ pub(crate) fn own_address() -> Option<String> {
 pub fn names(told: &[String]) -> Vec<String> {
     let mut names: BTreeSet<String> = told.iter().cloned().collect();
     names.insert("localhost".to_owned());
-    names.extend(std::fs::read_to_string("/proc/sys/kernel/hostname").ok().map(|name| name.trim().to_owned()));
+    names.extend(
+        std::fs::read_to_string("/proc/sys/kernel/hostname")
+            .ok()
+            .map(|name| name.trim().to_owned()),
+    );
     let interfaces = pnet_datalink::interfaces();
     let addresses = interfaces.iter().flat_map(|interface| &interface.ips);
     names.extend(addresses.map(|network| network.ip().to_string()));
@@ -94,7 +104,9 @@ pub fn names(told: &[String]) -> Vec<String> {
 pub fn is_name(name: &str) -> bool {
     let label = |label: &str| {
         (1..=63).contains(&label.len())
-            && label.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'-')
+            && label
+                .bytes()
+                .all(|byte| byte.is_ascii_alphanumeric() || byte == b'-')
             && !label.starts_with('-')
             && !label.ends_with('-')
     };

@@ -36,7 +36,9 @@ impl Channels {
     pub(crate) fn holders(&self) -> Vec<(usize, Arc<LeaseChannel>)> {
         let slots = self.slots();
         let numbered = slots.iter().cloned().enumerate();
-        numbered.filter_map(|(slot, holder)| Some((slot, holder?))).collect()
+        numbered
+            .filter_map(|(slot, holder)| Some((slot, holder?)))
+            .collect()
     }
 
     /// The channel of a tool.

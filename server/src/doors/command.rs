@@ -112,11 +112,8 @@ impl InviteCommand {
              TELECLAY_TOKEN",
             data.display()
         );
-        let fingerprint: Option<Fingerprint> = address
-            .fingerprint
-            .as_deref()
-            .map(str::parse)
-            .transpose()?;
+        let fingerprint: Option<Fingerprint> =
+            address.fingerprint.as_deref().map(str::parse).transpose()?;
         let invites = Invites::open(&data)?;
         let now = SystemTime::now();
         let token = invites.make(now, self.session.clone(), self.role, self.lasts)?;
@@ -131,7 +128,13 @@ impl InviteCommand {
             Some(lasts) => format!("for {}", humantime::format_duration(lasts)),
             None => "until it is taken back".to_owned(),
         };
-        writeln!(out, "invite {}: {} of {}, {until}", token.id(), self.role, self.session)?;
+        writeln!(
+            out,
+            "invite {}: {} of {}, {until}",
+            token.id(),
+            self.role,
+            self.session
+        )?;
         writeln!(out, "{}", link(&address.page, &self.session, &token))?;
         if self.role >= super::TO_HOLD_A_TOOL {
             writeln!(out, "{line}")?;

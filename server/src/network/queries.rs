@@ -200,10 +200,16 @@ impl Office {
         };
         match purpose {
             Purpose::Leave | Purpose::ClayFresh => {
-                let did = if purpose == Purpose::Leave { "leave" } else { "fresh block" };
+                let did = if purpose == Purpose::Leave {
+                    "leave"
+                } else {
+                    "fresh block"
+                };
                 let who = &asker.pass.who;
                 let outcome = format!("lease {}", asker.lease);
-                self.directory.doors().tell(who, did, Some(live.id()), &outcome);
+                self.directory
+                    .doors()
+                    .tell(who, did, Some(live.id()), &outcome);
             }
             _ => {}
         }

@@ -21,7 +21,10 @@ const TOLD: [Leaf; 2] = [Leaf::State, Leaf::ClayBricks];
 /// On the session that frames fly on: joins and goodbyes, and frames up and down.
 pub(super) fn of_control(realm: &RealmName) -> Vec<Rule> {
     let up = keys::every_tool_up_in(realm);
-    let down = vec![keys::every_tool_down_in(realm), keys::every_farewell_in(realm)];
+    let down = vec![
+        keys::every_tool_down_in(realm),
+        keys::every_farewell_in(realm),
+    ];
     let mut rules = questions(realm, &ASKED_ANYWHERE);
     rules.extend([
         rule(&["put"], Flow::In, vec![up.clone()]),
@@ -52,16 +55,27 @@ fn questions(realm: &RealmName, leaves: &[Leaf]) -> Vec<Rule> {
         rule(&["query"], Flow::In, asked.clone()),
         rule(&["reply"], Flow::Out, asked),
         // It is declared once for all that is below.
-        rule(&["declare_queryable"], Flow::Out, vec![keys::everything_in(realm)]),
+        rule(
+            &["declare_queryable"],
+            Flow::Out,
+            vec![keys::everything_in(realm)],
+        ),
     ]
 }
 
 /// The server shows its sessions, operators show themselves, and whoever likes looks.
 fn signs_of_life(realm: &RealmName) -> Vec<Rule> {
-    let both = [keys::every_session_alive_in(realm), keys::every_operator_in(realm)];
+    let both = [
+        keys::every_session_alive_in(realm),
+        keys::every_operator_in(realm),
+    ];
     let [sessions, operators] = both.clone().map(|key| vec![key]);
     vec![
-        rule(&["declare_liveliness_subscriber", "liveliness_query"], Flow::In, both.to_vec()),
+        rule(
+            &["declare_liveliness_subscriber", "liveliness_query"],
+            Flow::In,
+            both.to_vec(),
+        ),
         rule(&["liveliness_token", "reply"], Flow::Out, both.to_vec()),
         rule(&["liveliness_token"], Flow::In, operators),
         // Nobody else shows a session through this server.
@@ -71,7 +85,9 @@ fn signs_of_life(realm: &RealmName) -> Vec<Rule> {
 
 fn every(realm: &RealmName, leaves: &[Leaf]) -> Vec<String> {
     let leaves = leaves.iter();
-    leaves.map(|leaf| keys::of_every_session_in(realm, *leaf)).collect()
+    leaves
+        .map(|leaf| keys::of_every_session_in(realm, *leaf))
+        .collect()
 }
 
 fn rule(messages: &[&'static str], flow: Flow, keys: Vec<String>) -> Rule {

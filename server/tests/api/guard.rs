@@ -377,10 +377,25 @@ fn a_guest_does_what_the_invite_says_in_its_session_and_nowhere_else() {
     // Method, path, body; what a spectator, an operator and an admin are answered with.
     for (method, path, body, statuses) in [
         ("GET", one(&own), "", [200, 200, 200]),
-        ("GET", format!("{}/clay.stl", one(&own)), "", [200, 200, 200]),
-        ("POST", "/api/v1/kinematics/forward".to_owned(), "{", [400, 400, 400]),
+        (
+            "GET",
+            format!("{}/clay.stl", one(&own)),
+            "",
+            [200, 200, 200],
+        ),
+        (
+            "POST",
+            "/api/v1/kinematics/forward".to_owned(),
+            "{",
+            [400, 400, 400],
+        ),
         ("PATCH", one(&own), patch, [403, 403, 200]),
-        ("POST", format!("{}/clay/reset", one(&own)), "{}", [403, 403, 200]),
+        (
+            "POST",
+            format!("{}/clay/reset", one(&own)),
+            "{}",
+            [403, 403, 200],
+        ),
         ("GET", one(&other), "", [403, 403, 403]),
         ("PATCH", one(&other), patch, [403, 403, 403]),
         ("DELETE", one(&other), "", [403, 403, 403]),
@@ -403,7 +418,11 @@ fn a_guest_does_what_the_invite_says_in_its_session_and_nowhere_else() {
         &Ask::new("GET", "/api/v1/sessions")
             .with("Authorization", &format!("Bearer {}", guests.tokens[0])),
     );
-    assert_eq!(listed.json::<Vec<serde_json::Value>>(), [] as [serde_json::Value; 0], "its session is gone, others are not told");
+    assert_eq!(
+        listed.json::<Vec<serde_json::Value>>(),
+        [] as [serde_json::Value; 0],
+        "its session is gone, others are not told"
+    );
     open.delete(&one(&other));
     std::fs::remove_dir_all(&guests.data).unwrap();
 }
@@ -429,17 +448,26 @@ fn an_invite_that_has_ended_or_was_never_made_is_no_token() {
     let (_, secret) = operator.split_once('.').unwrap();
     assert_eq!(status(&format!("{number}.{secret}")), 401);
     let last = if operator.ends_with('0') { '1' } else { '0' };
-    assert_eq!(status(&format!("{}{last}", &operator[..operator.len() - 1])), 401);
+    assert_eq!(
+        status(&format!("{}{last}", &operator[..operator.len() - 1])),
+        401
+    );
     assert_eq!(status(operator), 200);
     // Taken back beside the running server.
-    let id = operator.parse::<teleclay_proto::invite::InviteToken>().unwrap().id();
+    let id = operator
+        .parse::<teleclay_proto::invite::InviteToken>()
+        .unwrap()
+        .id();
     guests.invites.revoke(SystemTime::now(), id).unwrap();
     assert_eq!(status(operator), 401);
     assert_eq!(status(admin), 200);
     let past = SystemTime::now() - Duration::from_secs(7200);
     let session = SessionId::new(&*own).unwrap();
     let hour = Some(Duration::from_secs(3600));
-    let over = guests.invites.make(past, session, Role::Admin, hour).unwrap();
+    let over = guests
+        .invites
+        .make(past, session, Role::Admin, hour)
+        .unwrap();
     assert_eq!(status(&over.to_string()), 401);
     open.delete(&format!("/api/v1/sessions/{own}"));
     std::fs::remove_dir_all(&guests.data).unwrap();
@@ -468,13 +496,25 @@ fn the_audit_log_says_who_did_what_and_who_was_kept_from_it() {
     });
     let told: Vec<(&str, &str)> = lines
         .iter()
-        .map(|line| (line["who"].as_str().unwrap(), line["outcome"].as_str().unwrap()))
+        .map(|line| {
+            (
+                line["who"].as_str().unwrap(),
+                line["outcome"].as_str().unwrap(),
+            )
+        })
         .collect();
     let who = |token: &str| format!("invite {}", token.split_once('.').unwrap().0);
     let (spectator, admin) = (who(&guests.tokens[0]), who(&guests.tokens[2]));
-    assert_eq!(told, [(&*spectator, "403"), (&*admin, "200"), ("nobody", "401")]);
+    assert_eq!(
+        told,
+        [(&*spectator, "403"), (&*admin, "200"), ("nobody", "401")]
+    );
     assert!(lines.iter().all(|line| line["session"] == *own));
-    assert!(lines.iter().all(|line| line["did"] == format!("PATCH {path}")));
+    assert!(
+        lines
+            .iter()
+            .all(|line| line["did"] == format!("PATCH {path}"))
+    );
     assert!(lines.iter().all(|line| line["from"] == "127.0.0.1"));
     open.delete(&path);
     std::fs::remove_dir_all(&guests.data).unwrap();

@@ -39,7 +39,9 @@ fn an_operator_with_an_invite_cuts_until_it_is_taken_back_and_is_let_go_of_then(
         let server = Server::secure(Ipv4Addr::LOCALHOST).unwrap();
         let client = &server.client;
         client.patch(DEMO, &json!({ "scheme": scheme })).unwrap();
-        let printed = server.invite(&["--role", "operator", "--for", "2h"]).unwrap();
+        let printed = server
+            .invite(&["--role", "operator", "--for", "2h"])
+            .unwrap();
         let mut handle = Handle::start(&HandleOptions::invited(line(&printed))).unwrap();
         let cutting = client.session_when(DEMO, "a cut", PATIENCE, cuts).unwrap();
         assert_eq!(cutting.tools[0].operator, "Ada");
@@ -47,11 +49,16 @@ fn an_operator_with_an_invite_cuts_until_it_is_taken_back_and_is_let_go_of_then(
         server.revoke(number(&printed)).unwrap();
         assert_eq!(handle.process.ends().unwrap().code(), Some(2));
         let said = handle.process.stderr();
-        assert!(said.contains("taken the tool back: the invite has ended"), "{said}");
+        assert!(
+            said.contains("taken the tool back: the invite has ended"),
+            "{said}"
+        );
         assert!(said.contains("has ended, was taken back"), "{said}");
-        client.session_when(DEMO, "the tool to be free", PATIENCE, |session| {
-            session.tools[0].operator.is_empty()
-        }).unwrap();
+        client
+            .session_when(DEMO, "the tool to be free", PATIENCE, |session| {
+                session.tools[0].operator.is_empty()
+            })
+            .unwrap();
         let ticks = handle.ticks().unwrap();
         let step_n = greatest_force_step_n(&ticks);
         assert!(step_n <= FORCE_STEP_N, "{scheme:?}: {step_n} N in a tick");
@@ -59,11 +66,22 @@ fn an_operator_with_an_invite_cuts_until_it_is_taken_back_and_is_let_go_of_then(
         let last = ticks.iter().rposition(|tick| 0.0 < tick.felt_n());
         let silence_s = last.map_or(0.0, |last| ticks[last].silence_s);
         println!("{scheme:?}: the last force {silence_s:.3} s after the last frame");
-        assert!(silence_s <= 0.15, "{scheme:?}: felt {silence_s} s after the last frame");
+        assert!(
+            silence_s <= 0.15,
+            "{scheme:?}: felt {silence_s} s after the last frame"
+        );
         let log = std::fs::read_to_string(server.data().join("doors/audit.jsonl")).unwrap();
         let who = format!("invite {}", number(&printed));
-        assert!(log.lines().any(|line| line.contains(&who) && line.contains("join")), "{log}");
-        assert!(log.lines().any(|line| line.contains("the invite has ended")), "{log}");
+        assert!(
+            log.lines()
+                .any(|line| line.contains(&who) && line.contains("join")),
+            "{log}"
+        );
+        assert!(
+            log.lines()
+                .any(|line| line.contains("the invite has ended")),
+            "{log}"
+        );
     }
 }
 
@@ -76,12 +94,19 @@ fn a_spectator_holds_no_tool_and_a_guest_of_one_session_none_of_another() {
     assert!(spectator.iter().all(|line| !line.starts_with("teleclay:")));
     let as_spectator = line(&operator).replace(token(&operator), token(&spectator));
     let elsewhere = line(&operator).replace(",demo,", ",other,");
-    let one_wrong = if line(&operator).ends_with('0') { "1" } else { "0" };
+    let one_wrong = if line(&operator).ends_with('0') {
+        "1"
+    } else {
+        "0"
+    };
     let mut guess = line(&operator).to_owned();
     guess.replace_range(guess.len() - 1.., one_wrong);
     for (line, words) in [
         (as_spectator, "does not let anybody hold a tool"),
-        (elsewhere, "does not let anybody hold a tool of session `other`"),
+        (
+            elsewhere,
+            "does not let anybody hold a tool of session `other`",
+        ),
         (guess, "the token is not that of the invite"),
     ] {
         let mut handle = Handle::start(&HandleOptions::invited(&line)).unwrap();
@@ -115,7 +140,10 @@ fn a_server_that_is_another_than_the_invites_is_not_spoken_to() {
     assert_eq!(handle.process.ends().unwrap().code(), Some(2));
     assert!(began.elapsed() < Duration::from_secs(5), "it was said late");
     let said = handle.process.stderr();
-    assert!(said.contains("another server's than the fingerprint names"), "{said}");
+    assert!(
+        said.contains("another server's than the fingerprint names"),
+        "{said}"
+    );
     let heard = || other.process.stderr().contains("QUIC acceptor failed");
     teleclay_tests::process::wait_for("the other server to say so", PATIENCE, || {
         heard().then_some(())
@@ -134,12 +162,18 @@ fn a_server_that_comes_back_with_another_authority_is_told_from_the_one_that_was
     let server = Server::secure(Ipv4Addr::LOCALHOST).unwrap();
     let printed = server.invite(&["--role", "operator"]).unwrap();
     let mut handle = Handle::start(&HandleOptions::invited(line(&printed))).unwrap();
-    server.client.session_when(DEMO, "a cut", PATIENCE, cuts).unwrap();
+    server
+        .client
+        .session_when(DEMO, "a cut", PATIENCE, cuts)
+        .unwrap();
     let ports = server.kill().unwrap();
     let _other = Server::secure_at(Ipv4Addr::LOCALHOST, ports).unwrap();
     assert_eq!(handle.process.ends().unwrap().code(), Some(2));
     let said = handle.process.stderr();
-    assert!(said.contains("another server's than the fingerprint names"), "{said}");
+    assert!(
+        said.contains("another server's than the fingerprint names"),
+        "{said}"
+    );
 }
 
 /// What somebody sees who subscribes.
@@ -148,7 +182,11 @@ async fn listen(session: &Session, key: String) -> Arc<Mutex<Vec<Vec<u8>>>> {
     let saw = Arc::clone(&seen);
     session
         .declare_subscriber(key)
-        .callback(move |sample| saw.lock().unwrap().push(sample.payload().to_bytes().to_vec()))
+        .callback(move |sample| {
+            saw.lock()
+                .unwrap()
+                .push(sample.payload().to_bytes().to_vec())
+        })
         .background()
         .await
         .unwrap();
@@ -217,15 +255,30 @@ async fn strangers_reach_nobody_through_the_server() {
             client.let_pass(DEMO, 10).unwrap();
         }
         shown.undeclare().await.unwrap();
-        for key in [keys.challenge(), keys.join(), keys.clay_snapshot(), "teleclay/**".to_owned()] {
+        for key in [
+            keys.challenge(),
+            keys.join(),
+            keys.clay_snapshot(),
+            "teleclay/**".to_owned(),
+        ] {
             let answers = ask(&other, key.clone(), b"{}".to_vec()).await;
-            assert!(!answers.iter().any(|answer| answer == LIE), "{endpoint}: {key}");
+            assert!(
+                !answers.iter().any(|answer| answer == LIE),
+                "{endpoint}: {key}"
+            );
         }
         client.let_pass(DEMO, 200).unwrap();
-        assert_eq!(*asked.lock().unwrap(), 0, "{endpoint}: the stranger was asked");
+        assert_eq!(
+            *asked.lock().unwrap(),
+            0,
+            "{endpoint}: the stranger was asked"
+        );
         for (key, seen) in heard.iter().zip(&all) {
             let seen = seen.lock().unwrap();
-            assert!(!seen.iter().any(|said| said == LIE), "{endpoint}: {key} carries lies");
+            assert!(
+                !seen.iter().any(|said| said == LIE),
+                "{endpoint}: {key} carries lies"
+            );
         }
         let gone = gone.lock().unwrap().clone();
         assert!(!gone.contains(&SampleKind::Delete), "{endpoint}: {gone:?}");
@@ -246,9 +299,16 @@ async fn where_a_token_is_needed_state_and_clay_are_not_published() {
         let stranger = connected_to(&server.slow_endpoint()).await;
         let state = listen(&stranger, keys().state()).await;
         let bricks = listen(&stranger, keys().clay_bricks()).await;
-        let options = if is_public { HandleOptions::new(&server.endpoint()) } else { ada(&server) };
+        let options = if is_public {
+            HandleOptions::new(&server.endpoint())
+        } else {
+            ada(&server)
+        };
         let mut handle = Handle::start(&options).unwrap();
-        server.client.session_when(DEMO, "a cut", PATIENCE, cuts).unwrap();
+        server
+            .client
+            .session_when(DEMO, "a cut", PATIENCE, cuts)
+            .unwrap();
         server.client.let_pass(DEMO, 1200).unwrap();
         assert!(handle.process.end().unwrap().success());
         for seen in [state, bricks] {

@@ -226,7 +226,11 @@ impl Lies {
             .zip(&overheard)
         {
             let saw = Arc::clone(seen);
-            let comes_from = if key.ends_with("/up") { &between.inside } else { &between.outside };
+            let comes_from = if key.ends_with("/up") {
+                &between.inside
+            } else {
+                &between.outside
+            };
             comes_from
                 .declare_subscriber(key)
                 .callback(move |sample| {

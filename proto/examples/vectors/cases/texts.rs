@@ -11,9 +11,8 @@ use teleclay_proto::http::{
 };
 use teleclay_proto::invite::InviteId;
 use teleclay_proto::join::{
-    Farewell,
-    ChallengeReply, ChallengeRequest, ClayDescription, FreshReply, Granted, JoinReply, JoinRequest,
-    LeaseRequest, LeaveReply, LoopParameters, RefusalCode, SealedJoin, SealedReply,
+    ChallengeReply, ChallengeRequest, ClayDescription, Farewell, FreshReply, Granted, JoinReply,
+    JoinRequest, LeaseRequest, LeaveReply, LoopParameters, RefusalCode, SealedJoin, SealedReply,
 };
 use teleclay_proto::keys::{Key, Leaf, SessionKeys};
 use teleclay_proto::watch::{ClientText, Level, ServerText, Switch};
