@@ -1,4 +1,5 @@
-//! Who did what to which session: one line of JSON each, written by a thread of its own so that nobody waits for a disk.
+//! Who did what to which session: one line of JSON each, written by a thread of its own so that nobody waits for a
+//! disk.
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, Write as _};

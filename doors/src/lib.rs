@@ -1,4 +1,5 @@
-//! Who may come in, and how they know whom they came to: what a server keeps of that in its data folder, under `doors/`.
+//! Who may come in, and how they know whom they came to: what a server keeps of that in its data folder, under
+//! `doors/`.
 //!
 //! | module | keeps |
 //! |---|---|

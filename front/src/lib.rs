@@ -3,6 +3,7 @@
 //! | module | holds |
 //! |---|---|
 //! | `listener` | accepting, and a connection from its first byte to its last |
+//! | `probe` | the question of whoever looks after a server |
 //! | `security` | connections that are encrypted, and what they show of the server |
 //! | `visitors` | who is connected: how many connections an address may hold, how many wrong tokens it may show |
 //! | `stall` | connections whose other end has stopped reading |
@@ -10,10 +11,12 @@
 
 mod linger;
 mod listener;
+mod probe;
 mod security;
 mod stall;
 mod visitors;
 
 pub use listener::{bind, serve};
+pub use probe::check_health;
 pub use security::{Security, SecurityError};
 pub use visitors::{Peer, Tries};

@@ -10,7 +10,7 @@ use rustls::pki_types::pem::PemObject as _;
 use rustls::pki_types::{CertificateDer, ServerName};
 use rustls::{ClientConfig, RootCertStore};
 use teleclay_doors::{Authority, Identity};
-use teleclay_front::{Security, bind, serve};
+use teleclay_front::{Security, bind, check_health, serve};
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::net::TcpStream;
 use tokio::time::timeout;
@@ -90,6 +90,25 @@ async fn what_is_served_is_served_encrypted_and_to_nobody_else() {
     assert!(!said.contains("a secret"));
     let said = ask_in_the_clear(address, b"GET /word HTTP/1.0\r\n\r\n").await;
     assert!(said.starts_with("HTTP/1."), "{said}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn whoever_looks_after_a_server_asks_it_encrypted_or_not() {
+    let identity = identity("health");
+    let security = Security::new(&identity.chain_pem, &identity.key_pem).unwrap();
+    for security in [Some(security), None] {
+        let is_https = security.is_some();
+        let listener = bind(SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 0)).unwrap();
+        let address = listener.local_addr().unwrap();
+        let router = Router::new().route("/healthz", get(async || "well"));
+        tokio::spawn(serve(listener, router, security, std::future::pending()));
+        let ask = async |is_https| {
+            let asked = tokio::task::spawn_blocking(move || check_health(address, is_https));
+            asked.await.unwrap()
+        };
+        assert!(ask(is_https).await.is_ok());
+        assert!(ask(!is_https).await.is_err());
+    }
 }
 
 #[tokio::test]

@@ -6,7 +6,7 @@ use teleclay_proto::{RealmName, SessionId};
 
 fn line() -> InviteLine {
     InviteLine {
-        endpoint: "quic/[2001:db8::7]:7547".to_owned(),
+        endpoint: "tls/[2001:db8::7]:7547".to_owned(),
         realm: RealmName::new("local").unwrap(),
         session: SessionId::new("demo").unwrap(),
         fingerprint: Some(Fingerprint::new([0xab; 32])),
@@ -17,7 +17,7 @@ fn line() -> InviteLine {
 #[test]
 fn a_line_is_what_the_description_says() {
     let expected = format!(
-        "teleclay:quic/[2001:db8::7]:7547,local,demo,{},0000001a.{}",
+        "teleclay:tls/[2001:db8::7]:7547,local,demo,{},0000001a.{}",
         "ab".repeat(32),
         "07".repeat(16)
     );
@@ -38,7 +38,7 @@ fn what_is_no_invite_is_refused_without_repeating_the_secret() {
         good.replace("0707", "07"),
         good.replace("07070707", "0707070G"),
         format!("{good},more"),
-        good.replace("quic/[2001:db8::7]:7547", ""),
+        good.replace("tls/[2001:db8::7]:7547", ""),
         good.replace(',', " "),
         "x".repeat(5000),
     ] {

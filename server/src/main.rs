@@ -1,10 +1,9 @@
 //! `teleclay-server`: see `--help`.
 
-use std::io::{Read as _, Write as _};
-use std::net::{SocketAddr, TcpStream};
+use std::io::Write as _;
 use std::process::ExitCode;
-use std::time::Duration;
 
+use teleclay_front::check_health;
 use teleclay_server::api;
 use teleclay_server::settings::{Arguments, Aside, Settings};
 
@@ -28,9 +27,9 @@ fn main() -> ExitCode {
         Err(error) => return failed(&error),
     };
     if arguments.health_check {
-        return match check_health(settings.listen) {
+        return match check_health(settings.listen, settings.is_https) {
             Ok(()) => ExitCode::SUCCESS,
-            Err(error) => failed(&error),
+            Err(error) => failed(&error.into()),
         };
     }
     let filter = tracing_subscriber::EnvFilter::try_from_env("TELECLAY_LOG").unwrap_or_else(|_| {
@@ -60,24 +59,4 @@ fn failed(error: &anyhow::Error) -> ExitCode {
     // Nothing can be done about a standard error that is closed.
     let _ = writeln!(std::io::stderr(), "teleclay-server: {error:#}");
     ExitCode::FAILURE
-}
-
-/// For containers, which have no curl: one request by hand.
-fn check_health(address: SocketAddr) -> anyhow::Result<()> {
-    const PATIENCE: Duration = Duration::from_secs(3);
-    let host = if address.ip().is_unspecified() {
-        SocketAddr::from(([127, 0, 0, 1], address.port()))
-    } else {
-        address
-    };
-    let mut stream = TcpStream::connect_timeout(&host, PATIENCE)?;
-    stream.set_read_timeout(Some(PATIENCE))?;
-    stream.write_all(
-        format!("GET /healthz HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n").as_bytes(),
-    )?;
-    let mut answer = String::new();
-    stream.take(4096).read_to_string(&mut answer)?;
-    let status = answer.lines().next().unwrap_or_default();
-    anyhow::ensure!(status.contains(" 200 "), "{host} answered `{status}`");
-    Ok(())
 }

@@ -47,9 +47,9 @@ pub enum ProbeError {
 }
 
 /// Looks at the certificate that the server at `endpoint` shows, and gives the one, in PEM, that Zenoh is to trust: the
-/// one of its chain that has the fingerprint `pin`. Without a pin a public authority must vouch for the server, and there
-/// is nothing to be told. Either way the certificate must be for the endpoint's host, and good today. Protocols in the
-/// clear have no certificate.
+/// one of its chain that has the fingerprint `pin`. Without a pin a public authority must vouch for the server, and
+/// there is nothing to be told. Either way the certificate must be for the endpoint's host, and good today. Protocols
+/// in the clear have no certificate.
 ///
 /// # Errors
 /// Nobody answers, or the certificate is another one, for another host, expired, or not good yet.

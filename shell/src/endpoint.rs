@@ -75,6 +75,14 @@ pub enum EndpointError {
         /// What it would know.
         wanted: String,
     },
+    /// An address that Zenoh's QUIC does not take.
+    #[error(
+        "zenoh endpoint `{got}`: quic takes an IPv4 address or a name, which may stand for an IPv6 address"
+    )]
+    NoSuchHost {
+        /// As given.
+        got: String,
+    },
     /// There is no port for slow state.
     #[error(
         "zenoh endpoint `{got}` leaves no room for slow state, which uses port {port} + {steps}: take a port up to {most}"
@@ -205,6 +213,11 @@ impl FromStr for Endpoint {
         if !is_host(host) {
             return Err(malformed());
         }
+        if *protocol == Protocol::Quic && host.starts_with('[') {
+            return Err(EndpointError::NoSuchHost {
+                got: got.to_owned(),
+            });
+        }
         let mut endpoint = Self {
             protocol: *protocol,
             host: host.to_owned(),
@@ -236,8 +249,8 @@ impl FromStr for Endpoint {
     }
 }
 
-/// What a name, an IPv4 address, and a bracketed IPv6 address with its scope are written with. Endpoints are quoted into
-/// Zenoh's configuration, so nothing else may pass.
+/// What a name, an IPv4 address, and a bracketed IPv6 address with its scope are written with. Endpoints are quoted
+/// into Zenoh's configuration, so nothing else may pass.
 fn is_host(host: &str) -> bool {
     let is_bare = !host.contains(['[', ']', ':', '%']);
     let is_bracketed = host
@@ -263,7 +276,8 @@ mod tests {
             "udp/[::1]:7547",
             "udp/[::1]:7547?rel=1",
             "tls/example.org:443",
-            "quic/[fe80::1%eth0]:0?mixed_rel=auto;multistream=0",
+            "quic/lab.example:0?mixed_rel=auto;multistream=0",
+            "tls/[fe80::1%eth0]:0",
         ] {
             assert_eq!(endpoint(text).to_string(), text);
         }
@@ -288,7 +302,7 @@ mod tests {
             assert!(!endpoint(outside).is_loopback(), "{outside}");
         }
         assert!(
-            endpoint("quic/[::]:1").is_everywhere() && endpoint("tcp/0.0.0.0:1").is_everywhere()
+            endpoint("tls/[::]:1").is_everywhere() && endpoint("tcp/0.0.0.0:1").is_everywhere()
         );
     }
 
@@ -312,6 +326,7 @@ mod tests {
             "quic/127.0.0.1:1?mixed_rel=1;mixed_rel=1",
             "quic/127.0.0.1:1?mixed_rel=1;",
             "quic/127.0.0.1:1?\"=1",
+            "quic/[::1]:1",
         ] {
             let said = bad.parse::<Endpoint>().unwrap_err().to_string();
             assert!(said.contains(bad), "{bad}: {said}");
@@ -328,8 +343,8 @@ mod tests {
             "tcp/127.0.0.1:7548"
         );
         assert_eq!(
-            neighbour("quic/[::1]:7547?mixed_rel=0").unwrap(),
-            "quic/[::1]:7548?mixed_rel=0"
+            neighbour("quic/localhost:7547?mixed_rel=0").unwrap(),
+            "quic/localhost:7548?mixed_rel=0"
         );
         assert_eq!(neighbour("tcp/127.0.0.1:0").unwrap(), "tcp/127.0.0.1:0");
         let said = neighbour("tcp/127.0.0.1:65535").unwrap_err().to_string();

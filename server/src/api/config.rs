@@ -11,9 +11,9 @@ use crate::doors::Doors;
 /// How the interface behaves. What may be configured by people is checked by whoever reads their configuration.
 #[derive(Clone, Debug)]
 pub struct ApiConfig {
-    /// What callers must show. Doors that are open let everyone in who reaches the listening address, which must then be
-    /// a loopback address. To pass through a browser's WebSocket a token may only have the characters of an HTTP token,
-    /// RFC 9110 §5.6.2.
+    /// What callers must show. Doors that are open let everyone in who reaches the listening address, which must then
+    /// be a loopback address. To pass through a browser's WebSocket a token may only have the characters of an HTTP
+    /// token, RFC 9110 §5.6.2.
     pub doors: Arc<Doors>,
     /// Origins, such as `https://lab.example`, whose pages may use the interface besides those that the server serves
     /// itself. Compared as they are.

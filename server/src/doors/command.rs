@@ -1,5 +1,5 @@
-//! `teleclay-server invite` and `teleclay-server invites`: they work on the data folder of a server, which reads what they
-//! write while it runs.
+//! `teleclay-server invite` and `teleclay-server invites`: they work on the data folder of a server, which reads what
+//! they write while it runs.
 
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};

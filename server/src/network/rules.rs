@@ -1,6 +1,6 @@
-//! What Zenoh itself lets others do: what no rule allows is not let through, by or to anybody. It knows nobody by name, so
-//! this stands beside the trailer of every message and never instead: it keeps strangers from asking others, answering
-//! for the server and listening in, not from lying.
+//! What Zenoh itself lets others do: what no rule allows is not let through, by or to anybody. It knows nobody by name,
+//! so this stands beside the trailer of every message and never instead: it keeps strangers from asking others,
+//! answering for the server and listening in, not from lying.
 
 use teleclay_proto::RealmName;
 use teleclay_proto::keys::{self, Leaf};

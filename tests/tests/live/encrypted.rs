@@ -109,7 +109,8 @@ fn whoever_listens_between_two_hosts_reads_neither_secret_nor_clay() {
     }
 }
 
-/// Somebody in between who passes everything on, and beside it what crossed before, and what crosses with a bit changed.
+/// Somebody in between who passes everything on, and beside it what crossed before, and what crosses with a bit
+/// changed.
 struct Forger {
     listens: SocketAddr,
     over: Arc<AtomicBool>,

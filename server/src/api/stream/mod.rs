@@ -68,7 +68,8 @@ refusals!(WatchRefusals: HANDSHAKE, NO_SUBPROTOCOL, PATH, NO_SUCH_SESSION, UPGRA
 /// A watcher costs at most 2 Mbit/s. One that reads slowly gets merged bricks and loses old telemetry, which is
 /// counted. The server closes with 4404 when the session has ended, with 4408 when a message could not be handed over
 /// within ten seconds or pings were not answered for 25, with 1009 when a message is too long, with 1002 or 1007 when
-/// one breaks the protocol, with 4403 when the invite has ended that it was opened with. A `problem` comes before 1009 and 1007.
+/// one breaks the protocol, with 4403 when the invite has ended that it was opened with. A `problem` comes before 1009
+/// and 1007.
 #[utoipa::path(
     get, path = "/sessions/{id}/stream", tag = "watching",
     params(
