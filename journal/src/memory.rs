@@ -63,9 +63,18 @@ struct Contents {
 
 #[derive(Clone, Debug)]
 enum Change {
-    Link { name: String, file: usize },
-    Rename { from: String, to: String, file: usize },
-    Unlink { name: String },
+    Link {
+        name: String,
+        file: usize,
+    },
+    Rename {
+        from: String,
+        to: String,
+        file: usize,
+    },
+    Unlink {
+        name: String,
+    },
 }
 
 impl Memory {
@@ -194,7 +203,9 @@ impl Inner {
 
     fn used(&self) -> u64 {
         let lengths = self.names.values();
-        lengths.map(|file| self.files[*file].seen.len() as u64).sum()
+        lengths
+            .map(|file| self.files[*file].seen.len() as u64)
+            .sum()
     }
 
     fn room_for(&self, more: u64) -> io::Result<()> {

@@ -480,7 +480,11 @@ fn lay_over(pieces: &mut Vec<Piece>, newer: Piece) {
             from: older.from.max(newer.to + 1),
             ..older
         };
-        beside.extend([before, behind].into_iter().filter(|piece| piece.from <= piece.to));
+        beside.extend(
+            [before, behind]
+                .into_iter()
+                .filter(|piece| piece.from <= piece.to),
+        );
     }
     beside.push(newer);
     *pieces = beside;

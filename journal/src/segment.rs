@@ -15,10 +15,11 @@
 //! ```
 //!
 //! The CRC is CRC-32C, of the header's first 40 bytes, and of all of a record but the CRC itself. `epoch` counts the
-//! writers that the journal has had, `index` the files; `base` is the number of the first record, and what stands before
-//! it was durable when the file began; up to `claimed` older files may hold records that were not. `lag` says how far
-//! behind its number the durable one was when the record was written: so a record that follows tells of one that does
-//! not check whether it was ever durable, and with that a torn end from damage. Version 1 had neither claim nor lag.
+//! writers that the journal has had, `index` the files; `base` is the number of the first record, and what stands
+//! before it was durable when the file began; up to `claimed` older files may hold records that were not. `lag` says
+//! how far behind its number the durable one was when the record was written: so a record that follows tells of one
+//! that does not check whether it was ever durable, and with that a torn end from damage. Version 1 had neither claim
+//! nor lag.
 
 use std::ops::Range;
 
@@ -292,7 +293,8 @@ fn record_at(bytes: &[u8], offset: usize, version: u32) -> Result<Found, &'stati
     }
     let sequence = u64_at(record, 8);
     let lag = (version != 1).then(|| u32_at(record, 16));
-    let durable = lag.and_then(|lag| (lag != u32::MAX).then(|| sequence.saturating_sub(lag.into())));
+    let durable =
+        lag.and_then(|lag| (lag != u32::MAX).then(|| sequence.saturating_sub(lag.into())));
     Ok(Found {
         sequence,
         offset,
@@ -356,9 +358,7 @@ mod tests {
                 }
                 let wanted = 100 + ((at - HEADER_BYTES) / length) as u64;
                 let End::Broken {
-                    record,
-                    durable,
-                    ..
+                    record, durable, ..
                 } = Scan::of(&bytes, &HEADER).end
                 else {
                     panic!("byte {at} is not missed");

@@ -8,7 +8,8 @@
 //!  +---------+---------+-------+----------+--------+-----+----------+---------+
 //! ```
 //!
-//! What a journal tells begins with its oldest snapshot. A snapshot is written under another name, synced, renamed, and the directory synced: under its own name it is whole.
+//! What a journal tells begins with its oldest snapshot. A snapshot is written under another name, synced, renamed, and
+//! the directory synced: under its own name it is whole.
 
 use std::io;
 

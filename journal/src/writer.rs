@@ -313,11 +313,7 @@ impl<S: Storage> Writer<S> {
         })
     }
 
-    fn begin_file_as(
-        &mut self,
-        header: &Header,
-        bytes: u64,
-    ) -> Result<Current<S::File>, Failure> {
+    fn begin_file_as(&mut self, header: &Header, bytes: u64) -> Result<Current<S::File>, Failure> {
         let storage = &mut self.storage;
         let created = storage.create(&header.file_name());
         let file = created.map_err(|error| failed("making a segment", &error))?;

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use teleclay_journal::memory::{Faults, Memory};
+use teleclay_journal::segment::{self, Header};
 use teleclay_journal::{
     Disk, OpenError, Policy, Reader, Snapshot, State, Storage, Writer, compact, start,
     write_snapshot,
@@ -118,7 +119,8 @@ fn one_flipped_byte_is_noticed_and_the_record_named() {
             let reader = Reader::verify(memory.clone()).unwrap();
             let told = [reader.damage(), reader.remarks()].concat();
             assert!(
-                told.iter().any(|told| told.file == entry.name && 0 < told.record),
+                told.iter()
+                    .any(|told| told.file == entry.name && 0 < told.record),
                 "{} byte {at}: {told:?}",
                 entry.name
             );
@@ -147,8 +149,8 @@ fn a_damaged_journal_is_not_written_on_and_a_newer_one_is_refused_in_words() {
         format!("{first}, record 1, byte 64: the record does not check")
     );
     let mut newer = Memory::new(1);
-    let header = teleclay_journal::segment::Header {
-        version: teleclay_journal::segment::VERSION + 1,
+    let header = Header {
+        version: segment::VERSION + 1,
         epoch: 1,
         index: 1,
         base: 1,
@@ -158,6 +160,44 @@ fn a_damaged_journal_is_not_written_on_and_a_newer_one_is_refused_in_words() {
     newer.write_at(&file, 0, &header.encode()).unwrap();
     let error = Reader::open(newer).unwrap_err().to_string();
     assert!(error.contains("version 3 is newer than 2"), "{error}");
+}
+
+/// Writes a segment of these numbers, each of which holds `byte`.
+fn put_segment(memory: &mut Memory, header: &Header, byte: u8, to: u64) {
+    let mut bytes = header.encode().to_vec();
+    for sequence in header.base..=to {
+        segment::push_record(&mut bytes, sequence, header.base - 1, &[byte]);
+    }
+    let file = memory.create(&header.file_name()).unwrap();
+    memory.write_at(&file, 0, &bytes).unwrap();
+}
+
+/// A file of a failed sync is removed, its records pushed anew; the process is killed; the next one pushes others; the
+/// power fails before the directory was synced.
+#[test]
+fn a_removed_file_that_is_there_again_adds_nothing_behind_what_a_newer_one_holds() {
+    let mut memory = Memory::new(1);
+    let older = Header {
+        version: segment::VERSION,
+        epoch: 1,
+        index: 1,
+        base: 1,
+        claimed: 0,
+    };
+    put_segment(&mut memory, &older, 1, 6);
+    let newer = Header {
+        epoch: 2,
+        index: 2,
+        claimed: 1,
+        ..older
+    };
+    put_segment(&mut memory, &newer, 2, 2);
+    let reader = Reader::verify(memory).unwrap();
+    let records: Vec<u8> = reader
+        .records_from(1)
+        .map(|record| record.unwrap().payload[0])
+        .collect();
+    assert_eq!((records, reader.damage()), (vec![2, 2], &[][..]));
 }
 
 #[test]
@@ -188,6 +228,8 @@ fn a_directory_keeps_within_its_bound_and_goes_back_to_its_oldest_snapshot() {
     assert_eq!((reader.damage(), reader.last()), (&[][..], 3000));
     assert!(2 < reader.snapshots().len());
     let oldest = reader.snapshots()[0];
-    let records = reader.records_from(oldest + 1).map(|record| record.unwrap());
+    let records = reader
+        .records_from(oldest + 1)
+        .map(|record| record.unwrap());
     assert_eq!(records.count() as u64, 3000 - oldest);
 }

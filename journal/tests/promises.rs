@@ -7,9 +7,7 @@
 use std::time::Duration;
 
 use teleclay_journal::memory::{Faults, Memory};
-use teleclay_journal::{
-    Policy, Reader, Snapshot, State, Storage, Writer, compact, write_snapshot,
-};
+use teleclay_journal::{Policy, Reader, Snapshot, State, Storage, Writer, compact, write_snapshot};
 
 const SEEDS: u64 = 10_000;
 const LIVES: u64 = 4;
@@ -63,14 +61,21 @@ impl World {
     }
 
     fn draw(&mut self, below: u64) -> u64 {
-        self.lot = self.lot.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+        self.lot = self
+            .lot
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1);
         (self.lot >> 33) % below
     }
 
     /// What a snapshot at this number holds.
     fn snapshot_of(&self, sequence: u64) -> Vec<u8> {
         let records = &self.pushed[..sequence as usize];
-        let sum = records.iter().flatten().map(|byte| u64::from(*byte)).sum::<u64>();
+        let sum = records
+            .iter()
+            .flatten()
+            .map(|byte| u64::from(*byte))
+            .sum::<u64>();
         sum.to_le_bytes().repeat(20)
     }
 
@@ -81,7 +86,11 @@ impl World {
         assert_eq!((quick.last(), quick.damage()), (reader.last(), &[][..]));
         assert!(quick.epoch() == reader.epoch() && quick.durable() <= quick.last());
         let last = reader.last();
-        assert!(self.promised <= last, "{} was durable, {last} is left", self.promised);
+        assert!(
+            self.promised <= last,
+            "{} was durable, {last} is left",
+            self.promised
+        );
         self.adopt(&reader);
         let newest = reader.snapshots().last().copied().unwrap_or(0);
         assert!(self.promised_snapshot <= newest);
@@ -122,7 +131,10 @@ impl World {
         assert_eq!(found[..promised], self.pushed[..promised]);
         self.earlier.push(std::mem::take(&mut self.pushed));
         let mut lives = self.earlier.iter();
-        assert!(lives.any(|life| life.starts_with(&found)), "nobody has pushed that");
+        assert!(
+            lives.any(|life| life.starts_with(&found)),
+            "nobody has pushed that"
+        );
         self.pushed = found;
     }
 
@@ -180,7 +192,9 @@ impl World {
             }
             _ => {
                 let length = [8, 30, 200][self.draw(3) as usize];
-                let payload: Vec<u8> = (0..self.draw(length)).map(|_| self.draw(256) as u8).collect();
+                let payload: Vec<u8> = (0..self.draw(length))
+                    .map(|_| self.draw(256) as u8)
+                    .collect();
                 if let Ok(sequence) = writer.push(self.now, &payload) {
                     self.pushed.push(payload);
                     self.counts.records += 1;
@@ -224,7 +238,12 @@ impl World {
             let after = storage.list().unwrap().len();
             self.counts.compactions += u64::from(after < before);
             if let Ok(bytes) = compacted {
-                let taken: u64 = storage.list().unwrap().iter().map(|entry| entry.bytes).sum();
+                let taken: u64 = storage
+                    .list()
+                    .unwrap()
+                    .iter()
+                    .map(|entry| entry.bytes)
+                    .sum();
                 assert_eq!(bytes, taken);
             }
         }
@@ -239,7 +258,11 @@ impl World {
             self.now += Duration::from_millis(1);
             writer.step(self.now);
         }
-        assert_eq!(writer.state(), State::Durable, "it does not go on by itself");
+        assert_eq!(
+            writer.state(),
+            State::Durable,
+            "it does not go on by itself"
+        );
         self.note(writer);
         writer.push(self.now, &[7; 9]).unwrap();
         self.pushed.push(vec![7; 9]);
