@@ -8,13 +8,14 @@ use std::process::Command;
 use serde_json::Value;
 
 /// Which rooms each room uses, tests of it included: exactly these.
-const USES: [(&str, &[&str]); 21] = [
+const USES: [(&str, &[&str]); 23] = [
     ("control", &[]),
     ("kinematics", &[]),
     ("clay", &[]),
     ("device", &[]),
     ("channel", &[]),
     ("front", &[]),
+    ("journal", &[]),
     ("rules", &[]),
     ("wire", &[]),
     ("proto", &["wire"]),
@@ -23,6 +24,10 @@ const USES: [(&str, &[&str]); 21] = [
     ("link", &["clay", "control", "proto"]),
     ("bilateral", &["clay", "control", "device", "link", "proto"]),
     ("session", &["bilateral", "clay", "link", "proto"]),
+    (
+        "history",
+        &["bilateral", "clay", "link", "proto", "session"],
+    ),
     (
         "sim",
         &[

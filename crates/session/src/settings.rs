@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use serde::{Deserialize, Serialize};
 use teleclay_bilateral::{clay_shape, material, tool_shape};
 use teleclay_clay::{Clay, Material};
 use teleclay_link::conditioner;
@@ -29,7 +30,8 @@ pub struct Lines {
 }
 
 /// What a session was told to be. Made once for each revision, and shared from then on.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Settings {
     /// The revision that made these settings.
     pub revision: u64,

@@ -22,7 +22,7 @@ use teleclay_link::arrivals::{ArrivalCounts, Arrivals};
 use teleclay_link::deadband::{Deadband, DeadbandError, DeadbandSettings};
 use teleclay_link::freshness::Freshness;
 use teleclay_link::motion_limiter::MotionLimiter;
-use teleclay_link::replica::{Cut, ToolSetup};
+use teleclay_link::replica::{CorrectionLimiter, Cut, ToolSetup};
 use teleclay_link::round_trip::RoundTrip;
 use teleclay_link::safety::{Implausible, Persistence, Watchdog};
 use teleclay_link::scheme::replica::MergeContext;
@@ -92,6 +92,9 @@ pub struct ToolSide {
     /// What was cut in the last tick.
     cuts: Vec<Cut>,
     clay_force: Vec3,
+    /// Lets clay that was exchanged change the force only slowly.
+    limiter: CorrectionLimiter,
+    is_in_exchanged_clay: bool,
     lift: f64,
     watchdog: Watchdog,
     freshness: Freshness,
@@ -146,6 +149,8 @@ impl ToolSide {
             was_led: false,
             cuts: Vec::with_capacity(CUTS_A_TICK),
             clay_force: Vec3::zeros(),
+            limiter: CorrectionLimiter::new(model.correction_limits()),
+            is_in_exchanged_clay: false,
             lift: 0.0,
             watchdog: Watchdog::new(model.watchdog),
             freshness: Freshness::new(model.watchdog.silence),
@@ -231,6 +236,22 @@ impl ToolSide {
         self.reindex();
     }
 
+    /// The clay was exchanged for another one in the same place, under a new epoch: the tool stays where it is, in
+    /// whatever is there now. What that changes in the force shows no faster than a
+    /// [correction](teleclay_link::replica::CorrectionLimiter) may, and brings no energy that was not earned.
+    pub fn go_on_in_exchanged_clay(&mut self, generation: Generation) {
+        self.frame.header.revision = generation.since_revision;
+        self.frame.header.clay_epoch = generation.epoch;
+        self.controller.on_exchanged_clay(generation.epoch);
+        self.is_in_exchanged_clay = true;
+    }
+
+    /// Goes on where the tool of an earlier server has ended: every sweep up to `decided` was merged or refused there.
+    pub fn resume(&mut self, decided: u32, fault: Option<Implausible>) {
+        self.controller.resume(decided);
+        self.fault = fault;
+    }
+
     /// Another place or tool, from the fresh block on that follows. Gives back what was, to be dropped elsewhere.
     pub fn move_to(&mut self, setup: Arc<ToolSetup>) -> Arc<ToolSetup> {
         self.motion_limiter.limit(setup.motion_limits);
@@ -308,6 +329,11 @@ impl ToolSide {
     /// What was cut in the last tick.
     pub fn cuts(&self) -> &[Cut] {
         &self.cuts
+    }
+
+    /// Every sweep of the handle up to this number has been merged or refused; 0 under a scheme without sweeps.
+    pub fn sweeps_decided(&self) -> u32 {
+        self.controller.sweeps_decided()
     }
 
     /// The frame to be sent now, if the last step made one that the other side would miss. Without perceptual coding

@@ -77,6 +77,8 @@ pub struct ReplicaTool {
     /// Frames of an earlier generation of this scheme number their sweeps otherwise.
     since_revision: u32,
     epoch: u32,
+    /// Sweeps of this block and all since count: clay was only exchanged since.
+    kept_from: u32,
     handle_leads: bool,
     hold: Hold,
     refused: u32,
@@ -101,6 +103,7 @@ impl ReplicaTool {
             pending: Vec::with_capacity(WAITING),
             since_revision: 0,
             epoch: 0,
+            kept_from: 0,
             handle_leads: false,
             hold: Hold::None,
             refused: 0,
@@ -121,6 +124,10 @@ impl ReplicaTool {
     fn is_of_this_generation(&self, frame: &HandleFrame) -> bool {
         frame.header.scheme == Scheme::Replica
             && !is_after(self.since_revision, frame.header.revision)
+    }
+
+    fn cuts_this_clay(&self, epoch: u32) -> bool {
+        !is_after(self.kept_from, epoch) && !is_after(epoch, self.epoch)
     }
 
     /// Sweeps that cut a block which is gone. Each is decided once, as any other.
@@ -245,7 +252,7 @@ impl ToolController for ReplicaTool {
             return;
         }
         self.fallback.take_in(frame);
-        let is_of_this_block = frame.header.clay_epoch == self.epoch;
+        let is_of_this_block = self.cuts_this_clay(frame.header.clay_epoch);
         self.handle_leads = frame.copy != CopyState::None && is_of_this_block;
         self.relay
             .on_acknowledged(frame.relayed_acknowledged, &frame.relayed_gaps);
@@ -274,7 +281,7 @@ impl ToolController for ReplicaTool {
         if !self.is_of_this_generation(frame) || frame.copy == CopyState::None {
             return;
         }
-        if frame.header.clay_epoch == self.epoch {
+        if self.cuts_this_clay(frame.header.clay_epoch) {
             self.take_sweeps(&frame.sweeps);
         } else {
             self.refuse_sweeps(&frame.sweeps);
@@ -356,14 +363,35 @@ impl ToolController for ReplicaTool {
     fn begin(&mut self, generation: Generation) {
         self.since_revision = generation.since_revision;
         self.epoch = generation.epoch;
+        self.kept_from = generation.epoch;
     }
 
     fn has_merged_all(&self) -> bool {
         self.pending.is_empty() && self.inbox.complete() == self.seen
     }
 
+    fn on_exchanged_clay(&mut self, epoch: u32) {
+        self.epoch = epoch;
+        // What others have cut by now is in the clay, or was undone.
+        self.relay.give_up();
+        self.hash = 0;
+    }
+
+    fn resume(&mut self, decided: u32) {
+        self.inbox.skip_to(decided.saturating_add(1));
+        self.newest = decided;
+        self.seen = decided;
+    }
+
+    fn sweeps_decided(&self) -> u32 {
+        let waiting = self.pending.iter().map(|record| record.sequence).min();
+        let complete = self.inbox.complete();
+        waiting.map_or(complete, |oldest| complete.min(oldest - 1))
+    }
+
     fn on_fresh_block(&mut self, epoch: u32) {
         self.epoch = epoch;
+        self.kept_from = epoch;
         self.pending.clear();
         self.relay.give_up();
         self.handle_leads = false;
