@@ -15,6 +15,7 @@
 //! | [`memory`] | the same in memory, with every fault that a disk may have; for tests |
 //! | [`segment`] | layout of a segment and of a record |
 //! | [`snapshot`] | layout of a snapshot, how it is written, and what may be removed once it stands |
+//! | [`policy`] | sizes and times, and how much history is kept |
 //! | [`reader`] | what a directory holds: records, snapshots, damage |
 //! | [`writer`] | the writer as a pure state machine on a storage and an argument `now` |
 //! | [`thread`] | the thread around it, and the ring that feeds it |
@@ -25,6 +26,7 @@
 
 pub mod disk;
 pub mod memory;
+pub mod policy;
 pub mod reader;
 pub mod segment;
 pub mod snapshot;
@@ -33,8 +35,9 @@ pub mod thread;
 pub mod writer;
 
 pub use disk::Disk;
+pub use policy::Policy;
 pub use reader::{Damage, ReadError, Reader, Record, Remark};
 pub use snapshot::{Snapshot, compact, write_snapshot};
 pub use storage::{Entry, Storage};
 pub use thread::{Appender, RingFull, Running, Watch, start};
-pub use writer::{Failure, OpenError, Policy, State, Writer};
+pub use writer::{Failure, OpenError, State, Writer};

@@ -100,7 +100,7 @@ pub struct Reader<S> {
 enum Depth {
     /// What stands behind the newest snapshot.
     SinceSnapshot,
-    /// Everything.
+    /// Every record and snapshot.
     All,
 }
 

@@ -13,9 +13,9 @@
 
 use std::io;
 
+use crate::policy::Policy;
 use crate::segment::{Header, HeaderError};
 use crate::storage::{Entry, Storage, write_all};
-use crate::writer::Policy;
 
 const MAGIC: [u8; 8] = *b"tclaysnp";
 const HEADER_BYTES: usize = 40;

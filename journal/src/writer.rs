@@ -4,6 +4,7 @@ use std::collections::VecDeque;
 use std::io;
 use std::time::Duration;
 
+use crate::policy::Policy;
 use crate::reader::{Fault, ReadError, Reader};
 use crate::segment::{self, HEADER_BYTES, Header, MAX_PAYLOAD, RECORD_BYTES};
 use crate::storage::{Storage, write_all};
@@ -11,37 +12,6 @@ use crate::storage::{Storage, write_all};
 /// The first try after a failure, and the longest pause between tries.
 const FIRST_RETRY: Duration = Duration::from_millis(50);
 const LAST_RETRY: Duration = Duration::from_secs(2);
-
-/// How a journal is kept.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Policy {
-    /// Bytes that a segment is given at once.
-    pub segment_bytes: u64,
-    /// Records that are not durable take at most so many bytes of memory.
-    pub backlog_bytes: usize,
-    /// A record is written and synced when it has waited for so long.
-    pub commit_within: Duration,
-    /// Bytes of history, see [`compact`](crate::compact).
-    pub most_bytes: u64,
-    /// Snapshots that are kept whatever they take.
-    pub kept_snapshots: usize,
-}
-
-impl Default for Policy {
-    fn default() -> Self {
-        Self {
-            // A minute and a half of one tool that cuts at 1 kHz.
-            segment_bytes: 4 << 20,
-            // Three minutes of it.
-            backlog_bytes: 8 << 20,
-            // With a sync of 4 ms and the thread's own sleep, durable within 20 ms of the tick.
-            commit_within: Duration::from_millis(8),
-            most_bytes: 1 << 30,
-            // The older one stands should the newest be damaged.
-            kept_snapshots: 2,
-        }
-    }
-}
 
 /// What has become of the records so far.
 #[derive(Clone, Debug, PartialEq, Eq)]

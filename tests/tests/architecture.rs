@@ -24,10 +24,7 @@ const USES: [(&str, &[&str]); 23] = [
     ("link", &["clay", "control", "proto"]),
     ("bilateral", &["clay", "control", "device", "link", "proto"]),
     ("session", &["bilateral", "clay", "link", "proto"]),
-    (
-        "history",
-        &["bilateral", "clay", "link", "proto", "session"],
-    ),
+    ("history", &["clay", "link", "proto", "session"]),
     (
         "sim",
         &[
@@ -143,8 +140,10 @@ fn each_room_uses_exactly_the_rooms_that_the_map_says_and_all_of_them_stand_abov
         let others = list(&package["dependencies"])
             .iter()
             .filter_map(|dependency| text(&dependency["name"]).strip_prefix("teleclay-"));
-        let room = name.strip_prefix("teleclay-").unwrap_or(name);
-        used.insert(room, others.collect());
+        used.insert(
+            name.strip_prefix("teleclay-").unwrap_or(name),
+            others.collect(),
+        );
     }
     let said: BTreeMap<&str, BTreeSet<&str>> = USES
         .iter()

@@ -2,7 +2,6 @@
 
 use std::sync::Arc;
 
-use teleclay_bilateral::tool_shape;
 use teleclay_clay::{Clay, Sweep, ToolShape};
 use teleclay_link::replica::Cut;
 use teleclay_session::{Event, EventKind, Exchange, ExchangedClay, Settings, Snapshot};
@@ -100,7 +99,7 @@ impl Replay {
         };
         let clay = block(&settings, hash, &given)?;
         let tools = settings.tools();
-        Self::from_state(
+        Ok(Self::from_state(
             State {
                 session: Snapshot {
                     tick: record.tick,
@@ -116,16 +115,14 @@ impl Replay {
                 clay,
             },
             given,
-        )
+        ))
     }
 
     /// From a snapshot.
-    ///
-    /// # Errors
-    /// Its settings have a tool that cannot be.
-    pub fn from_state(state: State, given: Vec<Clay>) -> Result<Self, ReplayError> {
-        Ok(Self {
-            shape: shape(&state.session.settings)?,
+    #[must_use]
+    pub fn from_state(state: State, given: Vec<Clay>) -> Self {
+        Self {
+            shape: state.session.settings.tool_shape(),
             session: state.session,
             next_lease: state.next_lease,
             decided: state.decided,
@@ -136,7 +133,7 @@ impl Replay {
             clay: state.clay,
             is_stale: false,
             given,
-        })
+        }
     }
 
     /// The next record.
@@ -267,7 +264,7 @@ impl Replay {
             } => {
                 self.check_tools(tick, settings)?;
                 self.base = block(settings, *given, &self.given)?;
-                self.shape = shape(settings)?;
+                self.shape = settings.tool_shape();
                 self.clay = self.base.clone();
                 self.is_stale = false;
                 self.made.clear();
@@ -382,12 +379,6 @@ fn sweep(shape: ToolShape, cut: Cut) -> Sweep {
         from: cut.from,
         to: cut.to,
     }
-}
-
-fn shape(settings: &Settings) -> Result<ToolShape, ReplayError> {
-    tool_shape(&settings.spec.tool).map_err(|error| ReplayError::Settings {
-        why: error.to_string(),
-    })
 }
 
 /// The block that settings describe, or the one that was given.

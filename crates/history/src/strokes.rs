@@ -41,7 +41,7 @@ pub struct Stroke {
 /// Whose stroke is meant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Whose<'a> {
-    /// Anybody's.
+    /// Of any tool and operator.
     Anybodys,
     /// Of the tool in this slot.
     Tools(usize),

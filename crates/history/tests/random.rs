@@ -65,7 +65,7 @@ fn check(world: &mut World) {
     for (from, bytes) in snapshots {
         let mut state = State::decode(&bytes).unwrap();
         assert_eq!(state.encode(), bytes);
-        let mut replay = Replay::from_state(state, Vec::new()).unwrap();
+        let mut replay = Replay::from_state(state, Vec::new());
         let mut next = points
             .iter()
             .skip_while(|point| point.records < from)

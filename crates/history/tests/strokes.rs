@@ -228,6 +228,52 @@ fn a_stroke_is_undone_while_it_is_being_cut_as_of_the_tick_that_was_seen() {
     bench.assert_clay_is_without(|stroke| stroke != 2);
 }
 
+/// A pass through its own groove goes with the groove, though it removed nothing.
+#[test]
+fn what_a_tool_passes_through_after_a_stroke_is_undone_with_it() {
+    let mut bench = Bench::new();
+    bench.rest(5);
+    for passes in 0..3 {
+        for step in 0..10 {
+            bench.tick([Some((1, sweep(4, step))), None]);
+        }
+        bench.rest(100 * passes);
+    }
+    assert_eq!(bench.live.strokes().list().len(), 1);
+    let undone = Exchange::Undone { stroke: 1 };
+    bench.live.exchange(bench.now, undone).unwrap();
+    bench.assert_clay_is_without(|stroke| stroke == 1);
+    assert_eq!(bench.live.session.clay().removed_units(), 0);
+}
+
+/// Whoever polls after the command that follows a tick gets both at once.
+#[test]
+fn a_fresh_block_that_came_after_a_tick_has_none_of_its_cuts() {
+    let mut bench = Bench::new();
+    bench.rest(5);
+    for step in 0..10 {
+        bench.tick([Some((1, sweep(4, step))), None]);
+    }
+    let session = &mut bench.live.session;
+    let mut frame = engaged_at([0.0; 3]);
+    frame.copy = CopyState::Live;
+    let cut = sweep(4, 12);
+    let record = SweepRecord {
+        sequence: 11,
+        from: cut.from.steps(),
+        to: cut.to.steps(),
+    };
+    frame.sweeps.push(record).unwrap();
+    let frame = bench.hands[0].frame(bench.now, frame);
+    session.handle_frame(bench.now, 0, &frame);
+    session.tick(bench.now);
+    assert!(session.cuts().any(|made| 0 < made.removed_units));
+    session.carry_out(bench.now, &bench::reset(None)).unwrap();
+    bench.live.record();
+    assert_eq!(bench.live.session.clay().removed_units(), 0);
+    bench.live.assert_replay_is_live();
+}
+
 /// On disk a record has 20 bytes more.
 #[test]
 #[allow(clippy::print_stdout, reason = "the figures are a result")]

@@ -6,7 +6,7 @@
 
 use std::sync::Arc;
 
-use teleclay_bilateral::{LoopModel, ToolSide, tool_setup, tool_shape};
+use teleclay_bilateral::{LoopModel, ToolSide, tool_setup};
 use teleclay_clay::{Clay, Material, ToolShape};
 use teleclay_link::replica::ToolSetup;
 use teleclay_link::scheme::{ToolController, tool_controller};
@@ -183,15 +183,9 @@ impl Prepared {
     /// Clay in the place of the session's, under a new epoch: tools stay where they are, faults stay, and sweeps that
     /// are on their way count. What was cut after its tick is cut in it as well, if that is little; more than little
     /// refuses it ([`Refusal::CutMeanwhile`]).
-    ///
-    /// # Errors
-    /// The settings have a tool that cannot be.
-    pub fn exchange(mut exchanged: ExchangedClay, settings: &Settings) -> Result<Self, Refusal> {
-        let shape = tool_shape(&settings.spec.tool);
-        let shape =
-            shape.map_err(|error| Refusal::Field(FieldError::new("/tool", error.to_string())))?;
+    pub fn exchange(mut exchanged: ExchangedClay, settings: &Settings) -> Self {
         exchanged.clay.commit_pages();
-        Ok(Self {
+        Self {
             prepared_from: None,
             asked_by: None,
             parts: Parts::Exchange(Box::new(ExchangeParts {
@@ -199,9 +193,9 @@ impl Prepared {
                 clay_epoch: exchanged.clay_epoch,
                 exchange: exchanged.exchange,
                 as_of_tick: exchanged.as_of_tick,
-                shape,
+                shape: settings.tool_shape(),
             })),
-        })
+        }
     }
 
     /// A tool for an operator, with a tool side that the caller has made. With `prepared_from`, it is refused once the

@@ -112,6 +112,11 @@ impl Live {
     /// One tick, and the record of it if there is one.
     pub(crate) fn tick(&mut self, now: Timestamp) -> bool {
         self.session.tick(now);
+        self.record()
+    }
+
+    /// The record of what happened since the last one, if anything did.
+    pub(crate) fn record(&mut self) -> bool {
         while self.session.poll_transmit().is_some() {}
         while let Some(event) = self.session.poll_event() {
             self.events.push(event);
@@ -181,7 +186,7 @@ impl Live {
             Err(ReplayError::EarlierBaseNeeded { .. }) => panic!("it began at the beginning"),
             Err(error) => panic!("{error}"),
         };
-        Prepared::exchange(exchanged, self.session.settings()).unwrap()
+        Prepared::exchange(exchanged, self.session.settings())
     }
 
     pub(crate) fn strokes(&self) -> &teleclay_history::Strokes {

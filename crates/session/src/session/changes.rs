@@ -69,7 +69,7 @@ impl Session {
         });
     }
 
-    /// The clay as it would be without a stroke, or with one again. What was cut since it was made is cut in it as well.
+    /// The clay as it would be without a stroke, or with one again. What was cut since it was made is cut in it, too.
     pub(super) fn exchange(&mut self, parts: &mut ExchangeParts) -> Result<(), Refusal> {
         if parts.clay_epoch != self.clay_epoch {
             return Err(Refusal::OtherClay {
