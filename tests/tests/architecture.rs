@@ -32,6 +32,8 @@ const USES: [(&str, &[&str]); 23] = [
             "clay",
             "control",
             "device",
+            "history",
+            "journal",
             "link",
             "operator",
             "proto",

@@ -4,6 +4,7 @@
 //! |---|---|
 //! | [`record`] | what happened in a tick, as bytes |
 //! | [`recorder`] | writes these from a session, tick by tick, without allocating |
+//! | [`ledger`] | which tick is durable |
 //! | [`strokes`] | which cuts belong together, and which of them were undone |
 //! | [`replay`] | the state after any record, and clay without a stroke |
 //! | [`state`] | that state as bytes: a snapshot |
@@ -16,6 +17,7 @@
 //! other cut.
 
 pub mod content;
+pub mod ledger;
 pub mod record;
 pub mod recorder;
 pub mod replay;
@@ -25,6 +27,7 @@ pub mod strokes;
 mod bytes;
 
 pub use bytes::Malformed;
+pub use ledger::Ledger;
 pub use record::{Fact, Record};
 pub use recorder::Recorder;
 pub use replay::{Replay, ReplayError};

@@ -65,6 +65,14 @@ pub struct Arrivals {
 }
 
 impl Arrivals {
+    /// The sender begins to number anew. Counts go on.
+    pub fn restart(&mut self) {
+        *self = Self {
+            counts: self.counts,
+            ..Self::default()
+        };
+    }
+
     /// Whether a number is one that a frame sent at `sent_ns` can have.
     ///
     /// # Errors
@@ -97,7 +105,7 @@ impl Arrivals {
             self.newest = Some((sequence, 1));
             self.newest_sent_ns = sent_ns;
             self.of_the_stream = 1;
-            self.counts.received = 1;
+            self.counts.received += 1;
             return Arrival::Newest;
         };
         let ahead = sequence.wrapping_sub(newest) as i32;

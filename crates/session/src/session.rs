@@ -77,11 +77,19 @@ pub struct Session {
     made: Cuts,
     /// Whether what is cut now could not be kept.
     storage: Storage,
+    journal: Journal,
     events: VecDeque<Event>,
     retired: Vec<Box<ToolSide>>,
     /// The frame that `poll_transmit` gave last, and the slot it looks at next.
     leaving: ToolFrame,
     next_to_transmit: usize,
+}
+
+/// Whether anything is kept beyond the process.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Journal {
+    None,
+    Kept,
 }
 
 /// Whether what is cut can be kept.
@@ -120,6 +128,7 @@ impl Session {
             cuts: Vec::with_capacity(CUTS_AT_ONCE),
             made: Cuts::new(tools, 0),
             storage: Storage::Ready,
+            journal: Journal::None,
             events: VecDeque::with_capacity(EVENTS_WAITING + EVENTS_AT_ONCE),
             retired: Vec::with_capacity(tools),
             leaving: ToolFrame::default(),
@@ -217,6 +226,19 @@ impl Session {
             self.follow_holder(number);
         }
         self.next_to_transmit = 0;
+    }
+
+    /// A journal is kept from now on: frames say that a sweep is durable only when [`Session::set_durable`] has.
+    pub fn keep_journal(&mut self) {
+        self.journal = Journal::Kept;
+        self.sides_mut().for_each(|side| side.set_durable(0));
+    }
+
+    /// Everything that happened up to and in this tick is durable.
+    pub fn set_durable(&mut self, tick: u64) {
+        for slot in &mut self.slots {
+            slot.set_durable(tick);
+        }
     }
 
     /// What the tools have cut in the last tick, under every scheme; one entry for each tool that was held. The order
@@ -375,10 +397,14 @@ impl Session {
             cuts: side.cuts(),
         };
         self.made.push(self.ticks, &made);
+        let decided = made.decided;
         let (is_led, fault) = (side.is_led(), side.fault());
         let is_told = holder.fault.is_some();
         if let Some(frame) = side.frame_to_send() {
             slot.down.push(now, *frame);
+        }
+        if self.journal == Journal::Kept {
+            slot.note_decided(self.ticks, decided);
         }
         if let Some(fault) = fault
             && !is_told

@@ -1,5 +1,6 @@
 //! One tool's slot: the line up, the line down, and the tool side while somebody holds it.
 
+use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -16,6 +17,9 @@ use crate::settings::Lines;
 
 /// Frames in flight on one line at most: two seconds of delay at 1 kHz, every one of them doubled.
 const LINE_CAPACITY: usize = 4096;
+
+/// Ticks in which sweeps were decided and that are not durable: a second of them, fifty times what a journal takes.
+const UNDURABLE: usize = 1024;
 
 /// Who holds a tool.
 pub(crate) struct Holder {
@@ -34,6 +38,8 @@ pub(crate) struct ToolSlot {
     pub(crate) up: Conditioner<HandleFrame>,
     pub(crate) down: Conditioner<ToolFrame>,
     pub(crate) last: ToolStep,
+    /// Sweeps decided by tick, that are not known to be durable.
+    pub(crate) undurable: VecDeque<(u64, u32)>,
 }
 
 impl ToolSlot {
@@ -49,6 +55,34 @@ impl ToolSlot {
                 LINE_CAPACITY,
             ),
             last: ToolStep::default(),
+            undurable: VecDeque::with_capacity(UNDURABLE),
+        }
+    }
+
+    /// Notes up to which number sweeps were decided in a tick. Without room, what is noted becomes durable later.
+    pub(crate) fn note_decided(&mut self, tick: u64, decided: u32) {
+        if self
+            .undurable
+            .back()
+            .is_some_and(|(_, last)| *last == decided)
+        {
+            return;
+        }
+        if UNDURABLE <= self.undurable.len() {
+            self.undurable.pop_back();
+        }
+        self.undurable.push_back((tick, decided));
+    }
+
+    /// What was decided up to a tick is durable.
+    pub(crate) fn set_durable(&mut self, tick: u64) {
+        while let Some((decided_at, decided)) = self.undurable.front().copied()
+            && decided_at <= tick
+        {
+            self.undurable.pop_front();
+            if let Some(side) = self.side_mut() {
+                side.set_durable(decided);
+            }
         }
     }
 
@@ -66,6 +100,7 @@ impl ToolSlot {
         self.up.clear();
         self.down.clear();
         self.last = ToolStep::default();
+        self.undurable.clear();
     }
 
     pub(crate) fn side(&self) -> Option<&ToolSide> {

@@ -2,7 +2,8 @@
 
 use teleclay_link::Vec3;
 use teleclay_link::arrivals::Arrival;
-use teleclay_link::freshness::Age;
+use teleclay_link::freshness::{Age, Freshness};
+use teleclay_link::round_trip::RoundTrip;
 use teleclay_link::safety::{Measure, check};
 use teleclay_link::scheme::HandlePort;
 use teleclay_link::time::Timestamp;
@@ -21,6 +22,7 @@ impl HandleSide {
         if header.lease != own.lease || is_after(own.ownership_epoch, header.ownership_epoch) {
             return;
         }
+        let is_another_owner = header.ownership_epoch != own.ownership_epoch;
         let outside = [
             ("position_m", Measure::Position, &frame.position_m[..]),
             ("velocity_m_s", Measure::Velocity, &frame.velocity_m_s),
@@ -29,7 +31,11 @@ impl HandleSide {
             ("wave_integral", Measure::Sum, &frame.wave_integral),
             ("energy_in_j", Measure::Sum, &frame.energy_in_j),
         ];
-        let is_plausible = check(&outside).and_then(|()| {
+        let is_plausible = check(&outside);
+        if is_another_owner && is_plausible.is_ok() {
+            self.listen_to_another_owner(header.sequence);
+        }
+        let is_plausible = is_plausible.and_then(|()| {
             self.arrivals
                 .check_sequence(header.sent_ns, header.sequence)
         });
@@ -89,6 +95,14 @@ impl HandleSide {
         if is_mine {
             self.controller.on_frame(now, frame);
         }
+    }
+
+    /// Another server goes on with the session: it numbers its frames anew, by a clock of its own.
+    fn listen_to_another_owner(&mut self, first: u32) {
+        self.arrivals.restart();
+        self.freshness = Freshness::new(self.model.watchdog.silence);
+        self.round_trip = RoundTrip::default();
+        self.scheme_since = first;
     }
 
     pub(super) fn fill_frame(&mut self, now: Timestamp, port: &HandlePort, felt: Vec3) {

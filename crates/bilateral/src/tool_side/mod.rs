@@ -112,6 +112,8 @@ pub struct ToolSide {
     left_at: Option<Timestamp>,
     /// Whether the newest frame under this lease was meant for an earlier server of the session.
     names_another_owner: bool,
+    /// Sweeps up to this number are durable; `None` where nothing is kept.
+    durable: Option<u32>,
     fault: Option<Implausible>,
     persistence: Persistence,
     handle: FarHandle,
@@ -163,6 +165,7 @@ impl ToolSide {
             engagement: Engagement::Idle,
             left_at: None,
             names_another_owner: false,
+            durable: None,
             fault: None,
             persistence: Persistence::default(),
             handle: FarHandle::default(),
@@ -244,6 +247,11 @@ impl ToolSide {
         self.frame.header.clay_epoch = generation.epoch;
         self.controller.on_exchanged_clay(generation.epoch);
         self.is_in_exchanged_clay = true;
+    }
+
+    /// Frames say from now on that sweeps are durable up to this number, and not up to all that were merged.
+    pub fn set_durable(&mut self, sweeps: u32) {
+        self.durable = Some(sweeps);
     }
 
     /// Goes on where the tool of an earlier server has ended: every sweep up to `decided` was merged or refused there.

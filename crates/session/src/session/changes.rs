@@ -7,7 +7,7 @@ use teleclay_clay::Sweep;
 use teleclay_link::scheme::Generation;
 use teleclay_link::time::Timestamp;
 
-use super::Session;
+use super::{Journal, Session};
 use crate::command::{Granted, Refusal};
 use crate::cuts::Cuts;
 use crate::event::{EventKind, Release};
@@ -122,6 +122,9 @@ impl Session {
         let lease = self.next_lease;
         self.next_lease = lease.checked_add(1).unwrap_or(1);
         side.attach(lease, self.ownership_epoch, self.generation());
+        if self.journal == Journal::Kept {
+            side.set_durable(0);
+        }
         self.slots[slot].holder = Some(Holder {
             lease,
             operator: Arc::clone(&parts.operator),

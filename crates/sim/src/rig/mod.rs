@@ -28,7 +28,7 @@ use teleclay_proto::http::{NewSession, SessionPatch};
 use teleclay_proto::join::LoopParameters;
 use teleclay_proto::{Scheme, SessionId};
 use teleclay_session::{
-    Command, Lines, Operator, Prepared, Refusal, Rules, Session, SessionSetup, Settings,
+    Command, Event, Lines, Operator, Prepared, Refusal, Rules, Session, SessionSetup, Settings,
 };
 
 pub use halt::Halt;
@@ -96,6 +96,8 @@ pub struct Rig {
     outside: Vec<(usize, HandleFrame)>,
     /// What has come to it in this tick.
     came_up: Vec<(usize, HandleFrame)>,
+    /// What the session told in this tick.
+    events: Vec<Event>,
     /// What stands between the lines and the programs, once a test asks for it.
     wires: Vec<Wires>,
 }
@@ -188,6 +190,7 @@ impl Rig {
             halt: None,
             outside: Vec::new(),
             came_up: Vec::new(),
+            events: Vec::new(),
             wires: Vec::new(),
         })
     }
@@ -262,7 +265,10 @@ impl Rig {
                 None => self.hands[slot].inbox.push((noticed, *frame)),
             }
         }
-        while self.session.poll_event().is_some() {}
+        self.events.clear();
+        while let Some(event) = self.session.poll_event() {
+            self.events.push(event);
+        }
         while self.session.poll_retired().is_some() {}
     }
 
@@ -492,6 +498,23 @@ impl Rig {
     /// The copy of the clay that the first operator feels, where the scheme keeps one.
     pub fn clay_copy(&self) -> Option<&dyn ClayCopy> {
         self.handle().clay_copy()
+    }
+
+    /// What the session told in the last tick.
+    pub fn events(&self) -> &[Event] {
+        &self.events
+    }
+
+    /// Another server runs the session from now on. What was on the old one's lines is lost; gives back its session.
+    pub fn replace_session(&mut self, session: Session) -> Session {
+        self.halt = None;
+        self.outside.clear();
+        std::mem::replace(&mut self.session, session)
+    }
+
+    /// The block as it was at first.
+    pub fn block(&self) -> &Clay {
+        &self.block
     }
 
     /// The session.

@@ -256,6 +256,7 @@ impl ToolController for ReplicaTool {
         self.handle_leads = frame.copy != CopyState::None && is_of_this_block;
         self.relay
             .on_acknowledged(frame.relayed_acknowledged, &frame.relayed_gaps);
+        self.relay.on_durable(frame.relayed_acknowledged);
         let header = &frame.header;
         if let Some(round_trip) = round_trip::of_exchange(now, header.echo_ns, header.echo_hold_ns)
         {
@@ -294,6 +295,7 @@ impl ToolController for ReplicaTool {
         }
         self.relay
             .on_acknowledged(frame.relayed_acknowledged, &frame.relayed_gaps);
+        self.relay.on_durable(frame.relayed_acknowledged);
         let newest = frame.sweeps.iter().map(|sweep| sweep.sequence).max();
         self.seen = self.seen.max(newest.unwrap_or(0));
         self.on_late_frame(now, frame);
@@ -411,6 +413,10 @@ impl ToolController for ReplicaTool {
     fn fill(&mut self, frame: &mut ToolFrame) {
         self.fallback.fill(frame);
         frame.sweeps_acknowledged = self.inbox.complete();
+        // Without a journal what was noted is as durable as anything; with one the tool's side says what is.
+        frame.sweeps_durable = frame.sweeps_acknowledged;
+        let kept = self.epoch.wrapping_sub(self.kept_from);
+        frame.epochs_kept = u8::try_from(kept).unwrap_or(u8::MAX);
         self.inbox.fill(&mut frame.sweep_gaps);
         frame.sweeps_refused = self.refused;
         frame.refusal = self.refusal;
