@@ -95,18 +95,9 @@ const PURE: [&str; 3] = ["crates", "proto", "client-web/wasm"];
 const WITHOUT_SERDE: [&str; 5] = ["control", "kinematics", "clay", "wire", "page"];
 
 /// Packages that open sockets, start threads or ask the operating system for chance.
+#[rustfmt::skip]
 const IMPURE_PACKAGES: [&str; 12] = [
-    "async-std",
-    "axum",
-    "getrandom",
-    "hyper",
-    "mio",
-    "reqwest",
-    "smol",
-    "socket2",
-    "tokio",
-    "tungstenite",
-    "ureq",
+    "async-std", "axum", "getrandom", "hyper", "mio", "reqwest", "smol", "socket2", "tokio", "tungstenite", "ureq",
     "zenoh",
 ];
 

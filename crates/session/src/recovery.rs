@@ -62,6 +62,7 @@ impl Session {
                     lease: was.lease,
                     operator: was.operator,
                     since: now,
+                    is_recovered: true,
                     side,
                     was_connected: false,
                     fault: was.fault,

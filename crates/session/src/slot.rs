@@ -26,6 +26,8 @@ pub(crate) struct Holder {
     pub(crate) lease: u32,
     pub(crate) operator: Arc<Operator>,
     pub(crate) since: Timestamp,
+    /// Held the tool under an earlier server of the session.
+    pub(crate) is_recovered: bool,
     pub(crate) side: Box<ToolSide>,
     /// As last told.
     pub(crate) was_connected: bool,
@@ -117,6 +119,7 @@ impl ToolSlot {
             is_connected: holder.side.is_connected(now),
             silence: Duration::from_secs_f64(holder.side.unheard_s(now)),
             held_for: now.since(holder.since),
+            is_awaited: holder.is_recovered && !holder.side.is_heard(),
         })
     }
 

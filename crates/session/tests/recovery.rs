@@ -86,10 +86,17 @@ fn who_comes_back_under_another_lease_gets_the_own_tool() {
     let [_, mut ben] = ["Ada", "Ben"].map(|name| bench.join(name).unwrap());
     bench.run(5, &mut [&mut ben], |_| engaged_at([0.0; 3]));
     bench.session = recovered(&bench, 0, bench.now);
-    for _ in 0..1100 {
-        bench.tick();
-    }
-    assert_eq!(bench.join("Ben").unwrap().slot, ben.slot);
+    // At once: this server has not heard of anybody yet.
+    let again = bench.join("Ben").unwrap();
+    assert_eq!(again.slot, ben.slot);
+    assert!(ben.lease() < again.lease());
+    // Who is heard keeps the tool.
+    bench.session = recovered(&bench, 0, bench.now);
+    ben = again;
+    ben.header.ownership_epoch += 1;
+    bench.run(5, &mut [&mut ben], |_| engaged_at([0.0; 3]));
+    let third = bench.join("Ben").unwrap();
+    assert_ne!(third.slot, ben.slot, "the third tool was free");
 }
 
 #[test]

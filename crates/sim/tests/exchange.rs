@@ -1,5 +1,5 @@
-//! Strokes that are undone and redone under a tool: clay that comes back there is felt gently, brings no energy that was
-//! not earned, and both clays are one again.
+//! Strokes that are undone and redone under a tool: clay that comes back there is felt gently, brings no energy that
+//! was not earned, and both clays are one again.
 
 #[path = "rigs/mod.rs"]
 mod rigs;

@@ -142,6 +142,10 @@ fn killed(scheme: Scheme, delay_ms: u32, seed: u64) -> (Rig, Keeper, Memory, u32
         keeper = Keeper::new(&disk, 1);
         let again = keeper.recorder.go_on(rig.session()).to_vec();
         keeper.push(&again, &rig);
+        if kill % 2 == 1 {
+            // A handle that is a program of its own joins anew, at once.
+            rig.renew_lease(0).unwrap();
+        }
     }
     (rig, keeper, disk, missing)
 }

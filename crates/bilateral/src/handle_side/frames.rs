@@ -32,7 +32,7 @@ impl HandleSide {
             ("energy_in_j", Measure::Sum, &frame.energy_in_j),
         ];
         let is_plausible = check(&outside);
-        if is_another_owner && is_plausible.is_ok() {
+        if is_plausible.is_ok() && (is_another_owner || std::mem::take(&mut self.is_renewed)) {
             self.listen_to_another_owner(header.sequence);
         }
         let is_plausible = is_plausible.and_then(|()| {

@@ -371,6 +371,11 @@ impl ToolSide {
         self.was_led
     }
 
+    /// Whether any frame has come.
+    pub fn is_heard(&self) -> bool {
+        self.heard_at.is_some()
+    }
+
     /// Whether frames come, and the holder has not said goodbye.
     pub fn is_connected(&self, now: Timestamp) -> bool {
         self.left_at.is_none() && !self.watchdog.is_silent(now)

@@ -9,7 +9,7 @@
 //! selective acknowledgement of [MMFR96] in docs/papers.md). Only what the other side has *noted* counts as come. That
 //! a packet came says nothing of what it carried: there may have been no room for it.
 //!
-//! A sweep goes out in rounds. A round is so many packets in a row, [`LEAST_COPIES`] on a good line, so that single
+//! A sweep goes out in rounds. A round is so many packets in a row, four on a good line, so that single
 //! losses cost no round trip. When it is over and the usual [`Wait`] has gone by without a word of the sweep, the next
 //! round begins, and after that one half as much time goes by, and so on: the more rounds were in vain, the sooner the
 //! next, until it goes into every packet. Half of every packet is kept for sweeps made before and half for fresh ones,
@@ -25,17 +25,10 @@ use std::time::Duration;
 use teleclay_proto::frame::{Gaps, SWEEP_BYTES, SweepRecord, Sweeps};
 
 use super::WINDOW;
+use super::copies::Copies;
 use super::wait::Wait;
 use crate::time::Timestamp;
 
-/// Packets of a round at least. With every third packet lost, one sweep in a hundred needs a second round.
-const LEAST_COPIES: f64 = 4.0;
-/// Packets of a round at most. These many sweeps, one a packet, leave a sixth of the room to those made before.
-const MOST_COPIES: f64 = 108.0;
-/// A sweep that needs a second round makes rounds longer by so many packets, and one that comes with the first makes
-/// them shorter by a tenth of that.
-const COPIES_UP: f64 = 0.5;
-const COPIES_DOWN: f64 = 0.05;
 /// Room in a packet that sweeps made before may take, if fresh ones want the rest.
 const OVERDUE_BYTES: usize = SWEEP_BYTES / 2;
 /// Sweeps looked at for a packet: what is overdue is found within a few packets, however many wait.
@@ -88,25 +81,6 @@ pub struct SweepLog {
     packets_sent: u64,
 }
 
-/// How long a round is, in packets.
-#[derive(Clone, Copy, Debug)]
-struct Copies(f64);
-
-impl Copies {
-    fn packets(self) -> u64 {
-        self.0 as u64
-    }
-
-    /// A round was in vain: for one sweep in eleven that is as it should be.
-    fn on_second_round(&mut self) {
-        self.0 = (self.0 + COPIES_UP).min(MOST_COPIES);
-    }
-
-    fn on_first_round_that_came(&mut self) {
-        self.0 = (self.0 - COPIES_DOWN).max(LEAST_COPIES);
-    }
-}
-
 impl Entry {
     fn is_in_round(&self, packet: &Packet) -> bool {
         0 < self.rounds && packet.number - self.round_from < packet.round
@@ -147,7 +121,7 @@ impl Default for SweepLog {
             next: 1,
             search: 1,
             wait: Wait::default(),
-            copies: Copies(LEAST_COPIES),
+            copies: Copies::default(),
             packets_sent: 0,
         }
     }
@@ -560,19 +534,6 @@ mod tests {
         line.log.forget_what_came();
         line.now = line.now.after(TICK * 1000);
         assert_eq!(line.packet(), [2, 3, 4, 5, 6]);
-    }
-
-    #[test]
-    fn rounds_grow_on_a_line_that_lets_little_through_and_shrink_on_a_good_one() {
-        let mut copies = Copies(LEAST_COPIES);
-        for _ in 0..1000 {
-            copies.on_second_round();
-        }
-        assert_eq!(copies.packets(), MOST_COPIES as u64);
-        for _ in 0..3000 {
-            copies.on_first_round_that_came();
-        }
-        assert_eq!(copies.packets(), LEAST_COPIES as u64);
     }
 
     #[test]

@@ -129,6 +129,7 @@ impl Session {
             lease,
             operator: Arc::clone(&parts.operator),
             since: now,
+            is_recovered: false,
             side,
             was_connected: false,
             fault: None,

@@ -161,10 +161,7 @@ impl Rig {
         });
         let mut hands = Vec::with_capacity(operators.len());
         for (number, (parameters, intent)) in operators.into_iter().enumerate() {
-            let operator = Operator {
-                name: format!("operator {number}"),
-                device: "simulated".to_owned(),
-            };
+            let operator = operator(number);
             let side = ToolSide::new(&parameters, 0)?;
             let outcome =
                 session.handle_command(now, &mut Prepared::join(&operator, side, None))?;
@@ -512,6 +509,24 @@ impl Rig {
         std::mem::replace(&mut self.session, session)
     }
 
+    /// The operator in `slot` asks for the tool again, as after a server was lost, and goes on under the new lease.
+    ///
+    /// # Errors
+    /// The session refuses.
+    pub fn renew_lease(&mut self, slot: usize) -> Result<(), Refusal> {
+        let operator = operator(slot);
+        let parameters = self.session.settings().parameters;
+        let side = ToolSide::new(&parameters, 0).expect("a session's parameters make a loop");
+        let mut prepared = Prepared::join(&operator, side, None);
+        let outcome = self.session.handle_command(self.now, &mut prepared)?;
+        let granted = outcome.granted.expect(ATTACHED);
+        self.hands[granted.slot].handle.renew(Lease {
+            number: granted.lease,
+            ownership_epoch: self.session.ownership_epoch(),
+        });
+        Ok(())
+    }
+
     /// The block as it was at first.
     pub fn block(&self) -> &Clay {
         &self.block
@@ -552,6 +567,13 @@ fn settings(parameters: &LoopParameters, tools: usize) -> Settings {
         spec,
         parameters: *parameters,
         is_paused: false,
+    }
+}
+
+fn operator(slot: usize) -> Operator {
+    Operator {
+        name: format!("operator {slot}"),
+        device: "simulated".to_owned(),
     }
 }
 
