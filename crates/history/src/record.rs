@@ -278,6 +278,16 @@ impl Record {
         out
     }
 
+    /// The tick of a record, without reading its facts.
+    ///
+    /// # Errors
+    /// The bytes are none, or a later program wrote them.
+    pub fn tick_of(bytes: &[u8]) -> Result<u64, Malformed> {
+        let mut reader = Reader::new(bytes);
+        reader.version(VERSION)?;
+        reader.number("the tick")
+    }
+
     /// Reads a record.
     ///
     /// # Errors

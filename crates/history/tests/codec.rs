@@ -125,6 +125,7 @@ proptest! {
     #[test]
     fn what_is_written_is_read(tick: u64, facts in prop::collection::vec(facts(), 0..6)) {
         let record = Record { tick, facts };
+        prop_assert_eq!(Record::tick_of(&record.encode()), Ok(tick));
         prop_assert_eq!(Record::decode(&record.encode()), Ok(record));
     }
 
