@@ -4,7 +4,7 @@ use teleclay_link::Vec3;
 use teleclay_link::arrivals::Arrival;
 use teleclay_link::freshness::{Age, Freshness};
 use teleclay_link::round_trip::RoundTrip;
-use teleclay_link::safety::{Measure, check};
+use teleclay_link::safety::{Implausible, Measure, check};
 use teleclay_link::scheme::HandlePort;
 use teleclay_link::time::Timestamp;
 use teleclay_proto::frame::{CopyState, Corrections, Gaps, Sweeps, ToolFrame};
@@ -31,13 +31,14 @@ impl HandleSide {
             ("wave_integral", Measure::Sum, &frame.wave_integral),
             ("energy_in_j", Measure::Sum, &frame.energy_in_j),
         ];
-        let is_plausible = check(&outside);
-        if is_plausible.is_ok() && (is_another_owner || std::mem::take(&mut self.is_renewed)) {
-            self.listen_to_another_owner(header.sequence);
-        }
-        let is_plausible = is_plausible.and_then(|()| {
-            self.arrivals
-                .check_sequence(header.sent_ns, header.sequence)
+        let is_another_stream = is_another_owner || self.is_renewed;
+        let is_plausible = check(&outside).and_then(|()| {
+            if is_another_stream {
+                self.listen_to_another_stream(header.sent_ns, header.sequence)
+            } else {
+                self.arrivals
+                    .check_sequence(header.sent_ns, header.sequence)
+            }
         });
         if let Err(fault) = is_plausible {
             self.arrivals.on_implausible();
@@ -97,12 +98,15 @@ impl HandleSide {
         }
     }
 
-    /// Another server goes on with the session: it numbers its frames anew, by a clock of its own.
-    fn listen_to_another_owner(&mut self, first: u32) {
-        self.arrivals.restart();
+    /// Another server goes on with the session, or this one under another lease: frames are numbered anew, by a clock
+    /// that may be another.
+    fn listen_to_another_stream(&mut self, sent_ns: u64, first: u32) -> Result<(), Implausible> {
+        self.arrivals.restart(sent_ns, first)?;
+        self.is_renewed = false;
         self.freshness = Freshness::new(self.model.watchdog.silence);
         self.round_trip = RoundTrip::default();
         self.scheme_since = first;
+        Ok(())
     }
 
     pub(super) fn fill_frame(&mut self, now: Timestamp, port: &HandlePort, felt: Vec3) {
