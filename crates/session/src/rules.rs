@@ -1,7 +1,7 @@
 //! Who gets which tool, and when a lease ends.
 //!
-//! - An operator who asks gets the tool that this operator held before, if it has fallen silent, or was held before this
-//!   server began and was not heard since; else one that nobody holds; else any that has fallen silent.
+//! - An operator who asks gets the tool that this operator held before, if it has fallen silent, or was held before
+//!   this server began and was not heard since; else one that nobody holds; else any that has fallen silent.
 //! - A holder has fallen silent when no frame has come for [`Rules::takeover_after`], and has had
 //!   [`Rules::first_frame_within`] since the lease began to send a first one.
 //! - A lease ends when its holder says goodbye, or [`Rules::lease`] after the last frame.

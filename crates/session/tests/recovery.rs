@@ -6,7 +6,7 @@ use bench::{Bench, Hand, TICK, cutting, engaged_at, join, new_session};
 use teleclay_link::safety::{Flaw, Implausible};
 use teleclay_link::time::Timestamp;
 use teleclay_proto::Scheme;
-use teleclay_proto::frame::LoopStatus;
+use teleclay_proto::frame::{CopyState, LoopStatus, SweepRecord};
 use teleclay_session::{Command, EventKind, Recovery, Release, Rules, Session};
 
 /// The same session under another server.
@@ -130,6 +130,35 @@ fn what_was_decided_need_not_come_again_and_a_fault_is_not_forgotten() {
             .iter()
             .any(|event| matches!(event.kind, EventKind::Fault { .. }))
     );
+}
+
+/// A sweep that was noted and waits for its tick would be lost with the process: it is not in what is kept.
+#[test]
+fn what_is_noted_and_not_yet_merged_is_not_decided_and_so_never_durable() {
+    let mut bench = Bench::new(cutting(Scheme::Replica));
+    bench.session.keep_journal();
+    let mut ada = bench.join("Ada").unwrap();
+    ada.header.revision += 1;
+    let mut frame = engaged_at([0.0; 3]);
+    frame.copy = CopyState::Live;
+    for sequence in 1..=100 {
+        let at = |number: u32| [250_000 + 100 * number as i32, 250_000, 250_000];
+        let record = SweepRecord {
+            sequence,
+            from: at(sequence),
+            to: at(sequence + 1),
+        };
+        frame.sweeps.push(record).unwrap();
+    }
+    bench.run(1, &mut [&mut ada], |_| frame.clone());
+    assert_eq!(bench.sent[0].1.sweeps_acknowledged, 100);
+    assert_eq!(bench.session.cuts().next().unwrap().decided, 64);
+    let tick = bench.session.ticks();
+    bench.session.set_durable(tick);
+    bench.tick();
+    let (_, told) = bench.sent[0];
+    assert_eq!((told.sweeps_acknowledged, told.sweeps_durable), (100, 64));
+    assert_eq!(bench.session.cuts().next().unwrap().decided, 100);
 }
 
 #[test]
