@@ -175,7 +175,7 @@ fn any_tool_frame() -> impl Strategy<Value = ToolFrame> {
         words,
         any_vectors::<6>(),
         any::<[u64; 2]>(),
-        (any::<[u32; 2]>(), any_gaps()),
+        (any::<([u32; 3], u8)>(), any_gaps()),
         any_sweeps(),
     )
         .prop_map(
@@ -184,7 +184,7 @@ fn any_tool_frame() -> impl Strategy<Value = ToolFrame> {
                 (status, refusal),
                 vectors,
                 [area, clay_hash],
-                ([sweeps_acknowledged, sweeps_refused], sweep_gaps),
+                (([sweeps_acknowledged, sweeps_refused, sweeps_durable], epochs_kept), sweep_gaps),
                 relayed,
             )| {
                 let [
@@ -207,6 +207,8 @@ fn any_tool_frame() -> impl Strategy<Value = ToolFrame> {
                     energy_in_j,
                     engaged_area_m2: f64::from_bits(area),
                     sweeps_acknowledged,
+                    sweeps_durable,
+                    epochs_kept,
                     sweep_gaps,
                     sweeps_refused,
                     clay_hash,
@@ -327,6 +329,8 @@ proptest! {
         prop_assert_eq!(decoded.header, frame.header);
         prop_assert_eq!((decoded.status, decoded.refusal), (frame.status, frame.refusal));
         prop_assert_eq!(decoded.sweeps_acknowledged, frame.sweeps_acknowledged);
+        prop_assert_eq!(decoded.sweeps_durable, frame.sweeps_durable);
+        prop_assert_eq!(decoded.epochs_kept, frame.epochs_kept);
         prop_assert_eq!(decoded.sweep_gaps, frame.sweep_gaps);
         prop_assert_eq!(decoded.sweeps_refused, frame.sweeps_refused);
     }

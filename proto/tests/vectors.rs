@@ -270,8 +270,8 @@ fn a_tool_frame_laid_out_by_hand() {
         "0000000000002540 0000000000002740 0000000000002940", // its integral 10.5, 11.5, 12.5
         "fca9f1d24d62503f fca9f1d24d62603f fa7e6abc7493683f", // energy 0.001, 0.002, 0.003
         "2d431cebe2361a3f 1032547698badcfe",     // 1e-4 m2, clay hash
-        "41424344 45464748 02 01 000000000000",  // acknowledged, refused, too_fast, one gap
-        "08000000 01 000000",                    // oldest 8, one run of relayed sweeps
+        "41424344 45464748 02 01 393a3b3c 17 00", // acknowledged, refused, too_fast, one gap, durable, 23 epochs
+        "08000000 01 000000",                     // oldest 8, one run of relayed sweeps
         "09000000 01 02 0000 02000000 03000000 04000000",
         "fcff faff f8ff", // by -4, -6, -8
         "51525354",       // 0x5251 missing, 0x5453 come

@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, MutexGuard};
 use teleclay_clay::Clay;
 use teleclay_proto::SessionId;
 use teleclay_proto::watch::{Level, TelemetrySample};
-use teleclay_session::{EventKind, Settings, Snapshot};
+use teleclay_session::{EventKind, Exchange, Settings, Snapshot};
 use tokio::sync::broadcast;
 
 use crate::doors::Channels;
@@ -173,6 +173,14 @@ fn in_words(kind: &EventKind, before: &Snapshot) -> Option<(Level, String)> {
     Some(match kind {
         EventKind::Changed { .. } | EventKind::Taken { .. } => return None,
         EventKind::FreshBlock { .. } => (Level::Info, "a fresh block".to_owned()),
+        EventKind::Exchanged { exchange, .. } => (
+            Level::Info,
+            match exchange {
+                Exchange::Undone { .. } => "a stroke was undone".to_owned(),
+                Exchange::UndoneSince { .. } => "strokes were undone".to_owned(),
+                Exchange::Redone { .. } => "a stroke was redone".to_owned(),
+            },
+        ),
         EventKind::Released {
             slot,
             operator,

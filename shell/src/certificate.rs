@@ -16,12 +16,14 @@ use rustls::{
 use sha2::{Digest as _, Sha256};
 use teleclay_proto::invite::Fingerprint;
 use tokio::net::{TcpStream, lookup_host};
-use tokio::time::timeout;
+use tokio::time::{sleep, timeout};
 
 use crate::endpoint::{Endpoint, Protocol};
 
 /// A server answers within this, or is not there.
 const PATIENCE: Duration = Duration::from_secs(5);
+/// A connection that was only for a look stays this long.
+const STAYS: Duration = Duration::from_millis(500);
 /// What Zenoh's QUIC speaks, release by release: each is offered, so that every one is found.
 const ZENOH_PROTOCOLS: [&[u8]; 5] = [b"zenoh-ms-mr", b"zenoh-mr", b"zenoh-ms", b"zenoh", b"hq-29"];
 
@@ -121,8 +123,12 @@ async fn meet(endpoint: &Endpoint, verifier: &Arc<Verifier>) -> Result<(), Strin
         .await;
     match met {
         Ok(connection) => {
-            connection.close(0_u8.into(), b"only looking");
-            socket.wait_idle().await;
+            // Closed at once, it would be told to whoever looks after the server as a connection that has failed.
+            tokio::spawn(async move {
+                sleep(STAYS).await;
+                connection.close(0_u8.into(), b"only looking");
+                socket.wait_idle().await;
+            });
             Ok(())
         }
         Err(error) => {

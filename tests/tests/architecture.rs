@@ -8,12 +8,13 @@ use std::process::Command;
 use serde_json::Value;
 
 /// Which rooms each room uses, tests of it included: exactly these.
-const USES: [(&str, &[&str]); 22] = [
+const USES: [(&str, &[&str]); 24] = [
     ("control", &[]),
     ("kinematics", &[]),
     ("clay", &[]),
     ("device", &[]),
     ("channel", &[]),
+    ("journal", &[]),
     ("rules", &[]),
     ("wire", &[]),
     ("proto", &["wire"]),
@@ -24,6 +25,7 @@ const USES: [(&str, &[&str]); 22] = [
     ("link", &["clay", "control", "proto"]),
     ("bilateral", &["clay", "control", "device", "link", "proto"]),
     ("session", &["bilateral", "clay", "link", "proto"]),
+    ("history", &["clay", "link", "proto", "session"]),
     (
         "sim",
         &[
@@ -31,6 +33,8 @@ const USES: [(&str, &[&str]); 22] = [
             "clay",
             "control",
             "device",
+            "history",
+            "journal",
             "link",
             "operator",
             "proto",
@@ -93,18 +97,9 @@ const PURE: [&str; 3] = ["crates", "proto", "client-web/wasm"];
 const WITHOUT_SERDE: [&str; 5] = ["control", "kinematics", "clay", "wire", "page"];
 
 /// Packages that open sockets, start threads or ask the operating system for chance.
+#[rustfmt::skip]
 const IMPURE_PACKAGES: [&str; 12] = [
-    "async-std",
-    "axum",
-    "getrandom",
-    "hyper",
-    "mio",
-    "reqwest",
-    "smol",
-    "socket2",
-    "tokio",
-    "tungstenite",
-    "ureq",
+    "async-std", "axum", "getrandom", "hyper", "mio", "reqwest", "smol", "socket2", "tokio", "tungstenite", "ureq",
     "zenoh",
 ];
 
@@ -140,8 +135,10 @@ fn each_room_uses_exactly_the_rooms_that_the_map_says_and_all_of_them_stand_abov
         let others = list(&package["dependencies"])
             .iter()
             .filter_map(|dependency| text(&dependency["name"]).strip_prefix("teleclay-"));
-        let room = name.strip_prefix("teleclay-").unwrap_or(name);
-        used.insert(room, others.collect());
+        used.insert(
+            name.strip_prefix("teleclay-").unwrap_or(name),
+            others.collect(),
+        );
     }
     let said: BTreeMap<&str, BTreeSet<&str>> = USES
         .iter()

@@ -14,7 +14,7 @@ use teleclay_control::{
 use teleclay_link::Vec3;
 use teleclay_link::deadband::{Deadband, DeadbandError, DeadbandSettings};
 use teleclay_link::motion_limiter::MotionLimits;
-use teleclay_link::replica::ToolSetup;
+use teleclay_link::replica::{CorrectionLimits, ToolSetup};
 use teleclay_link::safety::{ForceLimits, WatchdogTimes};
 use teleclay_link::scheme::{Coupling, SchemeContext};
 use teleclay_proto::http::ClayShape;
@@ -231,6 +231,15 @@ impl LoopModel {
 
     pub(crate) fn setup(&self) -> &ToolSetup {
         &self.context.setup
+    }
+
+    /// What clay that changes by itself may do to the device, as the tool's side of the ratios has it.
+    pub(crate) fn correction_limits(&self) -> CorrectionLimits {
+        let at_device = CorrectionLimits::for_range(self.setup().force_limit_n);
+        CorrectionLimits {
+            step_n: at_device.step_n * -self.coupling().force_ratio,
+            tank_j: at_device.tank_j * self.coupling().power_ratio(),
+        }
     }
 
     /// The part of `v` on the axes that reflect force.

@@ -89,6 +89,34 @@ impl Clay {
         })
     }
 
+    /// Clay that was kept elsewhere: `content` gives each brick, in dense order. It began with `initial_units` of 1/255
+    /// voxel; its revision is that of a fresh block.
+    ///
+    /// # Errors
+    /// When a brick has clay outside the grid, or there is more than it began with.
+    pub fn from_bricks<'a>(
+        grid: Grid,
+        initial_units: u64,
+        mut content: impl FnMut(BrickIndex) -> BrickView<'a>,
+    ) -> Result<Self, ReplaceError> {
+        let bricks = grid.brick_count();
+        let mut clay = Self {
+            field: Field::empty(grid),
+            initial_units,
+            changes: Changes::none(bricks),
+            hashes: Hashes::none(&grid),
+            cleared: Cleared::default(),
+            tables: Tables::new(),
+        };
+        for brick in 0..bricks {
+            let index = BrickIndex::new(brick);
+            clay.replace_brick(index, content(index))?;
+            clay.hashes.refresh(brick, clay.field.view(brick));
+        }
+        clay.changes = Changes::none(bricks);
+        Ok(clay)
+    }
+
     /// Dimensions of the voxel grid.
     #[must_use]
     pub const fn grid(&self) -> &Grid {

@@ -127,7 +127,8 @@ impl Field {
         field
     }
 
-    fn empty(grid: Grid) -> Self {
+    /// Air throughout.
+    pub(crate) fn empty(grid: Grid) -> Self {
         let count = grid.brick_count();
         let mut slab = vec![0; (count + FIRST_SLOT as usize) * BRICK_VOXELS];
         slab.as_chunks_mut::<BRICK_VOXELS>().0[SOLID_SLOT as usize].fill(SOLID);

@@ -104,6 +104,16 @@ impl Grid {
         })
     }
 
+    /// A grid of so many voxels along x, y, z.
+    ///
+    /// # Errors
+    /// When the voxel size is out of range, or an axis has no voxel or more than [`MAX_AXIS_VOXELS`].
+    pub fn of_voxels(voxels: [u16; 3], voxel_size_m: f64) -> Result<Self, GridError> {
+        // Half a voxel less is covered by as many, however it is rounded.
+        let size_m = voxels.map(|count| (f64::from(count) - 0.5) * voxel_size_m);
+        Self::covering(size_m, voxel_size_m)
+    }
+
     /// Edge of a voxel, m.
     #[must_use]
     pub const fn voxel_size_m(&self) -> f64 {

@@ -65,6 +65,25 @@ pub struct Arrivals {
 }
 
 impl Arrivals {
+    /// Another sender's stream begins, with numbers from 0, and a frame with number `sequence` that was sent at
+    /// `sent_ns` on its clock is the first of it that came. Counts go on.
+    ///
+    /// # Errors
+    /// Nobody can have sent as many frames until then. The stream before goes on.
+    pub fn restart(&mut self, sent_ns: u64, sequence: u32) -> Result<(), Implausible> {
+        let begun = Self {
+            newest: Some((0, 0)),
+            counts: self.counts,
+            ..Self::default()
+        };
+        begun.check_sequence(sent_ns, sequence)?;
+        *self = Self {
+            newest: None,
+            ..begun
+        };
+        Ok(())
+    }
+
     /// Whether a number is one that a frame sent at `sent_ns` can have.
     ///
     /// # Errors
@@ -97,7 +116,7 @@ impl Arrivals {
             self.newest = Some((sequence, 1));
             self.newest_sent_ns = sent_ns;
             self.of_the_stream = 1;
-            self.counts.received = 1;
+            self.counts.received += 1;
             return Arrival::Newest;
         };
         let ahead = sequence.wrapping_sub(newest) as i32;

@@ -186,6 +186,7 @@ fn cut(round_trips_ms: [f64; 2], seed: u64) -> Run {
                 let stamps = message.stamps;
                 handle.on_frame(came, stamps.sent_ns, stamps.echo_ns, stamps.echo_hold_ns);
                 log.on_acknowledged(message.acknowledged, &message.gaps);
+                log.on_durable(message.acknowledged);
                 if let Some(took) = of_exchange(came, stamps.echo_ns, stamps.echo_hold_ns) {
                     log.on_round_trip(came, took);
                 }

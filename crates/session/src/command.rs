@@ -95,6 +95,20 @@ pub enum Refusal {
         /// The lease.
         lease: u32,
     },
+    /// Clay that was to be exchanged is that of another block by now.
+    #[error("made for block {prepared_for}, the session works on block {clay_epoch} by now")]
+    OtherClay {
+        /// The block that it was made for.
+        prepared_for: u32,
+        /// The block that is there.
+        clay_epoch: u32,
+    },
+    /// More was cut since the clay to be exchanged was made than a tick can make up for: make it again.
+    #[error("more was cut after tick {as_of_tick} than can be made up for")]
+    CutMeanwhile {
+        /// Up to this tick the clay has everything.
+        as_of_tick: u64,
+    },
     /// Events of earlier commands were not taken away yet.
     #[error("the session has no room for the events of a further command")]
     Busy,

@@ -31,8 +31,19 @@ pub enum EventKind {
     FreshBlock {
         /// The settings that came with it.
         settings: Arc<Settings>,
-        /// Counts the fresh blocks.
+        /// Counts the blocks.
         clay_epoch: u32,
+        /// Hash of a block that was given as it is; `None` where it is the one that the settings describe.
+        given: Option<u64>,
+    },
+    /// The clay is another one, in the same place, with the same tools in it: strokes were undone or redone.
+    Exchanged {
+        /// Counts the blocks, those that were exchanged included.
+        clay_epoch: u32,
+        /// What is different.
+        exchange: Exchange,
+        /// What was cut after this tick is in the clay whatever was undone.
+        as_of_tick: u64,
     },
     /// An operator holds a tool.
     Taken {
@@ -70,6 +81,26 @@ pub enum EventKind {
         slot: usize,
         /// The value.
         fault: Implausible,
+    },
+}
+
+/// What is different in clay that was exchanged. Strokes are numbered by who keeps the history.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Exchange {
+    /// It is as if a stroke had not been.
+    Undone {
+        /// The stroke's number.
+        stroke: u64,
+    },
+    /// It is as if no stroke had been from this number on.
+    UndoneSince {
+        /// The first stroke's number.
+        stroke: u64,
+    },
+    /// A stroke that was undone is there again.
+    Redone {
+        /// The stroke's number.
+        stroke: u64,
     },
 }
 
@@ -142,6 +173,7 @@ impl Snapshot {
             EventKind::FreshBlock {
                 settings,
                 clay_epoch,
+                ..
             } => {
                 self.settings = Arc::clone(settings);
                 self.clay_epoch = *clay_epoch;
@@ -151,6 +183,7 @@ impl Snapshot {
                     .filter_map(|tool| tool.holder.as_mut());
                 holders.for_each(|holder| holder.fault = None);
             }
+            EventKind::Exchanged { clay_epoch, .. } => self.clay_epoch = *clay_epoch,
             EventKind::Taken {
                 slot,
                 lease,

@@ -6,6 +6,8 @@
 //! | [`Session`] | the machine itself: the order in which to call it stands there |
 //! | [`command`] | what a session may be asked to do, and why it may refuse, as plain data |
 //! | [`prepare`] | what a command needs built before the tick, and what it leaves to be dropped after it |
+//! | [`cuts`] | what was cut in a tick, for whoever keeps it |
+//! | [`recovery`] | a session that goes on where an earlier server of it has ended |
 //! | [`event`] | what a session tells of itself, and the fold that makes its state of it |
 //! | [`settings`] | what a session was told to be, and the loop parameters that follow |
 //! | [`rules`] | who gets which tool, and when a lease ends |
@@ -17,8 +19,10 @@
 //! `now` is an argument; the same commands and frames at the same times give the same bits.
 
 pub mod command;
+pub mod cuts;
 pub mod event;
 pub mod prepare;
+pub mod recovery;
 pub mod rules;
 pub mod settings;
 
@@ -26,8 +30,10 @@ mod session;
 mod slot;
 
 pub use command::{Command, Operator, Outcome, Refusal};
-pub use event::{Event, EventKind, HolderSnapshot, Release, Snapshot, ToolSnapshot};
-pub use prepare::Prepared;
+pub use cuts::ToolCuts;
+pub use event::{Event, EventKind, Exchange, HolderSnapshot, Release, Snapshot, ToolSnapshot};
+pub use prepare::{ExchangedClay, Prepared};
+pub use recovery::Recovery;
 pub use rules::Rules;
 pub use session::{Session, SessionSetup};
 pub use settings::{Lines, Settings, SettingsError};

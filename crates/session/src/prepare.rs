@@ -7,12 +7,13 @@
 use std::sync::Arc;
 
 use teleclay_bilateral::{LoopModel, ToolSide, tool_setup};
-use teleclay_clay::{Clay, Material};
+use teleclay_clay::{Clay, Material, ToolShape};
 use teleclay_link::replica::ToolSetup;
 use teleclay_link::scheme::{ToolController, tool_controller};
 use teleclay_proto::http::FieldError;
 
 use crate::command::{Command, Operator, Refusal};
+use crate::event::Exchange;
 use crate::settings::{Lines, Settings};
 
 /// A command with everything that it needs. After it was carried out, it holds what it has replaced.
@@ -28,6 +29,7 @@ pub(crate) enum Parts {
     Patch(Box<PatchParts>),
     Reset(Box<ResetParts>),
     Join(Box<JoinParts>),
+    Exchange(Box<ExchangeParts>),
     Leave {
         lease: u32,
         side: Option<Box<ToolSide>>,
@@ -51,6 +53,30 @@ pub(crate) struct ResetParts {
     pub(crate) setup: Arc<ToolSetup>,
     /// Gets what the tools had before. Has room for every tool.
     pub(crate) before: Vec<Arc<ToolSetup>>,
+    /// Hash of the block, if it is not the one that the settings describe.
+    pub(crate) given: Option<u64>,
+}
+
+pub(crate) struct ExchangeParts {
+    /// The clay that comes; afterwards the one that went.
+    pub(crate) clay: Clay,
+    /// The block whose strokes it was made from.
+    pub(crate) clay_epoch: u32,
+    pub(crate) exchange: Exchange,
+    pub(crate) as_of_tick: u64,
+    pub(crate) shape: ToolShape,
+}
+
+/// Clay that is to take the place of a session's, and what it was made from.
+pub struct ExchangedClay {
+    /// The clay.
+    pub clay: Clay,
+    /// The block that it was made from: the session's `clay_epoch` then.
+    pub clay_epoch: u32,
+    /// What is different.
+    pub exchange: Exchange,
+    /// It has everything that was cut up to this tick and not undone.
+    pub as_of_tick: u64,
 }
 
 pub(crate) struct JoinParts {
@@ -131,8 +157,45 @@ impl Prepared {
                 settings: Arc::new(settings),
                 clay,
                 setup,
+                given: None,
             })),
         })
+    }
+
+    /// Likewise, of a block that the settings do not describe: whoever keeps the session's history has to keep the
+    /// block, by its hash.
+    ///
+    /// # Errors
+    /// The settings make no loop.
+    pub fn given_block(
+        settings: Settings,
+        mut clay: Clay,
+        prepared_from: u64,
+    ) -> Result<Self, Refusal> {
+        let hash = clay.hash();
+        let mut prepared = Self::fresh_block(settings, clay, prepared_from)?;
+        if let Parts::Reset(parts) = &mut prepared.parts {
+            parts.given = Some(hash);
+        }
+        Ok(prepared)
+    }
+
+    /// Clay in the place of the session's, under a new epoch: tools stay where they are, faults stay, and sweeps that
+    /// are on their way count. What was cut after its tick is cut in it as well, if that is little; more than little
+    /// refuses it ([`Refusal::CutMeanwhile`]).
+    pub fn exchange(mut exchanged: ExchangedClay, settings: &Settings) -> Self {
+        exchanged.clay.commit_pages();
+        Self {
+            prepared_from: None,
+            asked_by: None,
+            parts: Parts::Exchange(Box::new(ExchangeParts {
+                clay: exchanged.clay,
+                clay_epoch: exchanged.clay_epoch,
+                exchange: exchanged.exchange,
+                as_of_tick: exchanged.as_of_tick,
+                shape: settings.tool_shape(),
+            })),
+        }
     }
 
     /// A tool for an operator, with a tool side that the caller has made. With `prepared_from`, it is refused once the

@@ -1,7 +1,7 @@
 //! Who gets which tool, and when a lease ends.
 //!
-//! - An operator who asks gets the tool that this operator held before, if it has fallen silent; else one that nobody
-//!   holds; else any that has fallen silent.
+//! - An operator who asks gets the tool that this operator held before, if it has fallen silent, or was held before
+//!   this server began and was not heard since; else one that nobody holds; else any that has fallen silent.
 //! - A holder has fallen silent when no frame has come for [`Rules::takeover_after`], and has had
 //!   [`Rules::first_frame_within`] since the lease began to send a first one.
 //! - A lease ends when its holder says goodbye, or [`Rules::lease`] after the last frame.
@@ -43,6 +43,8 @@ pub(crate) struct Held<'a> {
     pub(crate) silence: Duration,
     /// Age of the lease.
     pub(crate) held_for: Duration,
+    /// The holder held it under an earlier server of the session, and was not heard by this one.
+    pub(crate) is_awaited: bool,
 }
 
 impl Rules {
@@ -56,6 +58,10 @@ impl Rules {
         for (slot, held) in slots.enumerate() {
             match held {
                 None => free = free.or(Some(slot)),
+                // A server that has just begun has nobody's frames yet: who asks by that name is who was there.
+                Some(held) if held.is_awaited && held.operator == operator => {
+                    own = own.or(Some(slot));
+                }
                 Some(held) if self.is_silent(&held) => {
                     silent = silent.or(Some(slot));
                     if held.operator == operator {
@@ -92,6 +98,7 @@ mod tests {
             is_connected: silence_ms <= 100,
             silence: Duration::from_millis(silence_ms),
             held_for: LONG_AGO,
+            is_awaited: false,
         })
     }
 
@@ -120,6 +127,7 @@ mod tests {
         let new = |age_ms| {
             held("Bob", age_ms).map(|held| Held {
                 held_for: Duration::from_millis(age_ms),
+                is_awaited: false,
                 ..held
             })
         };

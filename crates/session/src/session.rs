@@ -1,4 +1,6 @@
-//! The machine.
+//! The machine. What changes it between two ticks stands in [`changes`].
+
+mod changes;
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -13,12 +15,13 @@ use teleclay_link::time::Timestamp;
 use teleclay_proto::frame::{HandleFrame, ToolFrame};
 use teleclay_proto::http::MAX_TOOLS;
 
-use crate::command::{Command, Granted, Outcome, Refusal};
+use crate::command::{Command, Outcome, Refusal};
+use crate::cuts::{Cuts, ToolCuts};
 use crate::event::{Event, EventKind, Release, Snapshot, ToolSnapshot};
-use crate::prepare::{JoinParts, Parts, PatchParts, Prepared, ResetParts};
+use crate::prepare::{Parts, Prepared};
 use crate::rules::Rules;
 use crate::settings::{Lines, Settings};
-use crate::slot::{Holder, ToolSlot};
+use crate::slot::ToolSlot;
 
 /// Events that wait to be taken away. A few seconds of the busiest session, should nobody come.
 const EVENTS_WAITING: usize = 256;
@@ -70,11 +73,30 @@ pub struct Session {
     departed: ArrivalCounts,
     /// Cuts of one tool on their way to the others.
     cuts: Vec<Cut>,
+    /// What was cut, for whoever keeps it.
+    made: Cuts,
+    /// Whether what is cut now could not be kept.
+    storage: Storage,
+    journal: Journal,
     events: VecDeque<Event>,
     retired: Vec<Box<ToolSide>>,
     /// The frame that `poll_transmit` gave last, and the slot it looks at next.
     leaving: ToolFrame,
     next_to_transmit: usize,
+}
+
+/// Whether anything is kept beyond the process.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Journal {
+    None,
+    Kept,
+}
+
+/// Whether what is cut can be kept.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Storage {
+    Ready,
+    Full,
 }
 
 impl Session {
@@ -104,6 +126,9 @@ impl Session {
             next_lease: first_lease.max(1),
             departed: ArrivalCounts::default(),
             cuts: Vec::with_capacity(CUTS_AT_ONCE),
+            made: Cuts::new(tools, 0),
+            storage: Storage::Ready,
+            journal: Journal::None,
             events: VecDeque::with_capacity(EVENTS_WAITING + EVENTS_AT_ONCE),
             retired: Vec::with_capacity(tools),
             leaving: ToolFrame::default(),
@@ -146,6 +171,10 @@ impl Session {
                 None
             }
             Parts::Join(parts) => Some(self.join(now, parts)?),
+            Parts::Exchange(parts) => {
+                self.exchange(parts)?;
+                None
+            }
             Parts::Leave { lease, side } => {
                 let slot = self.slot_of(*lease)?;
                 *side = self.release(slot, Release::Left);
@@ -189,6 +218,7 @@ impl Session {
     pub fn tick(&mut self, now: Timestamp) {
         self.now = now;
         self.ticks += 1;
+        self.made.clear();
         for number in 0..self.slots.len() {
             self.tick_tool(number);
         }
@@ -196,6 +226,35 @@ impl Session {
             self.follow_holder(number);
         }
         self.next_to_transmit = 0;
+    }
+
+    /// A journal is kept from now on: frames say that a sweep is durable only when [`Session::set_durable`] has.
+    pub fn keep_journal(&mut self) {
+        self.journal = Journal::Kept;
+        self.sides_mut().for_each(|side| side.set_durable(0));
+    }
+
+    /// Everything that happened up to and in this tick is durable.
+    pub fn set_durable(&mut self, tick: u64) {
+        for slot in &mut self.slots {
+            slot.set_durable(tick);
+        }
+    }
+
+    /// What the tools have cut in the last tick, under every scheme; one entry for each tool that was held. The order
+    /// is the one in which they cut. It stands until the next tick.
+    pub fn cuts(&self) -> impl Iterator<Item = ToolCuts<'_>> {
+        self.made.iter()
+    }
+
+    /// What is cut now could not be kept: the tools rest, as in a pause, until [`Session::resume_cutting`].
+    pub fn stop_cutting(&mut self) {
+        self.storage = Storage::Full;
+    }
+
+    /// What is cut can be kept again.
+    pub fn resume_cutting(&mut self) {
+        self.storage = Storage::Ready;
     }
 
     /// The next frame that leaves a line towards a handle in this tick, and the slot of its tool.
@@ -258,6 +317,11 @@ impl Session {
         self.ownership_epoch
     }
 
+    /// Number of the next lease: above all that were given.
+    pub fn next_lease(&self) -> u32 {
+        self.next_lease
+    }
+
     /// The value that put a tool into fault, if one did.
     pub fn fault(&self, slot: usize) -> Option<Implausible> {
         self.slots.get(slot)?.holder.as_ref()?.fault
@@ -306,102 +370,6 @@ impl Session {
         sides.fold(self.departed, |all, side| all.and(side.arrivals()))
     }
 
-    fn patch(&mut self, parts: &mut PatchParts) {
-        let generation = self.next_revision_with(&mut parts.settings);
-        if let Some(material) = parts.material {
-            self.material = material;
-        }
-        if let Some(lines) = &parts.lines {
-            self.impair(lines);
-        }
-        if let Some(deadband) = parts.deadband {
-            for side in self.sides_mut() {
-                let set = side.set_deadband(deadband);
-                debug_assert!(set.is_ok(), "what was prepared was checked: {set:?}");
-            }
-        }
-        if !parts.controllers.is_empty() {
-            let scheme = self.settings.parameters.scheme;
-            for (slot, controller) in self.slots.iter_mut().zip(&mut parts.controllers) {
-                if let Some(side) = slot.side_mut() {
-                    side.change_scheme(scheme, generation, controller);
-                }
-            }
-        }
-        self.announce_revision();
-        self.emit(EventKind::Changed {
-            settings: Arc::clone(&self.settings),
-        });
-    }
-
-    fn reset(&mut self, parts: &mut ResetParts) {
-        self.clay_epoch = self.clay_epoch.wrapping_add(1);
-        let generation = self.next_revision_with(&mut parts.settings);
-        self.material = parts.setup.material;
-        for slot in &mut self.slots {
-            if let Some(holder) = &mut slot.holder {
-                holder.fault = None;
-            }
-            if let Some(side) = slot.side_mut() {
-                parts.before.push(side.move_to(Arc::clone(&parts.setup)));
-                side.start_on_fresh_block(generation);
-            }
-        }
-        std::mem::swap(&mut self.clay, &mut parts.clay);
-        self.announce_revision();
-        self.emit(EventKind::FreshBlock {
-            settings: Arc::clone(&self.settings),
-            clay_epoch: self.clay_epoch,
-        });
-    }
-
-    fn join(&mut self, now: Timestamp, parts: &mut JoinParts) -> Result<Granted, Refusal> {
-        let held = self.slots.iter().map(|slot| slot.held(now));
-        let slot = self
-            .rules
-            .slot_for(&parts.operator.name, held)
-            .ok_or(Refusal::NoFreeTool {
-                tools: self.slots.len(),
-            })?;
-        let mut side = parts.side.take().expect("a command is carried out once");
-        parts.side = self.release(slot, Release::TakenOver);
-        self.revision += 1;
-        let lease = self.next_lease;
-        self.next_lease = lease.checked_add(1).unwrap_or(1);
-        side.attach(lease, self.ownership_epoch, self.generation());
-        self.slots[slot].holder = Some(Holder {
-            lease,
-            operator: Arc::clone(&parts.operator),
-            since: now,
-            side,
-            was_connected: false,
-            fault: None,
-        });
-        self.announce_revision();
-        self.emit(EventKind::Taken {
-            slot,
-            lease,
-            operator: Arc::clone(&parts.operator),
-        });
-        Ok(Granted { lease, slot })
-    }
-
-    /// Takes the tool in `slot` from its holder, if it has one. Gives the side, to be dropped elsewhere.
-    fn release(&mut self, slot: usize, because: Release) -> Option<Box<ToolSide>> {
-        let holder = self.slots[slot].holder.take()?;
-        self.slots[slot].clear_lines();
-        self.departed = self.departed.and(holder.side.arrivals());
-        self.revision += 1;
-        self.announce_revision();
-        self.emit(EventKind::Released {
-            slot,
-            lease: holder.lease,
-            operator: holder.operator,
-            because,
-        });
-        Some(holder.side)
-    }
-
     fn tick_tool(&mut self, number: usize) {
         let now = self.now;
         let slot = &mut self.slots[number];
@@ -412,7 +380,8 @@ impl Session {
         while let Some((arrived, frame)) = slot.up.poll_with_arrival(now) {
             side.handle_frame(arrived, &frame);
         }
-        let permission = if self.settings.is_paused {
+        let rests = self.settings.is_paused || self.storage == Storage::Full;
+        let permission = if rests {
             Permission::Pause
         } else {
             Permission::Work
@@ -420,10 +389,22 @@ impl Session {
         slot.last = side.step(now, &mut self.clay, &self.material, permission);
         self.cuts.clear();
         self.cuts.extend_from_slice(side.cuts());
+        let made = ToolCuts {
+            slot: number,
+            lease: holder.lease,
+            decided: side.sweeps_decided(),
+            removed_units: slot.last.removed_units,
+            cuts: side.cuts(),
+        };
+        self.made.push(self.ticks, &made);
+        let decided = made.decided;
         let (is_led, fault) = (side.is_led(), side.fault());
         let is_told = holder.fault.is_some();
         if let Some(frame) = side.frame_to_send() {
             slot.down.push(now, *frame);
+        }
+        if self.journal == Journal::Kept {
+            slot.note_decided(self.ticks, decided);
         }
         if let Some(fault) = fault
             && !is_told
@@ -492,20 +473,8 @@ impl Session {
         }
     }
 
-    /// A new revision, with these settings from it on. `settings` gets those before.
-    fn next_revision_with(&mut self, settings: &mut Arc<Settings>) -> Generation {
-        self.revision += 1;
-        // Whoever prepared the settings does not know under which revision they come to hold, and nobody else has them
-        // yet.
-        if let Some(settings) = Arc::get_mut(settings) {
-            settings.revision = self.revision;
-        }
-        std::mem::swap(&mut self.settings, settings);
-        self.generation()
-    }
-
     /// What frames name from this revision on.
-    fn generation(&self) -> Generation {
+    pub(crate) fn generation(&self) -> Generation {
         Generation {
             since_revision: self.revision as u32,
             epoch: self.clay_epoch,

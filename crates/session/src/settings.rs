@@ -2,8 +2,9 @@
 
 use std::time::Duration;
 
+use serde::{Deserialize, Serialize};
 use teleclay_bilateral::{clay_shape, material, tool_shape};
-use teleclay_clay::{Clay, Material};
+use teleclay_clay::{Clay, Material, ToolShape};
 use teleclay_link::conditioner;
 use teleclay_proto::ToolDescription;
 use teleclay_proto::http::{
@@ -29,7 +30,8 @@ pub struct Lines {
 }
 
 /// What a session was told to be. Made once for each revision, and shared from then on.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Settings {
     /// The revision that made these settings.
     pub revision: u64,
@@ -140,6 +142,11 @@ impl Settings {
         proven_material(&self.spec.material).expect("settings hold materials that were proven")
     }
 
+    /// The shape of every tool.
+    pub fn tool_shape(&self) -> ToolShape {
+        proven_tool(&self.spec.tool).expect("settings hold tools that were proven")
+    }
+
     /// What the lines do.
     pub fn lines(&self) -> Lines {
         lines(&self.spec.network)
@@ -163,7 +170,7 @@ fn proven_material(raw: &http::Material) -> Result<Material, FieldError> {
     material(raw).map_err(|error| FieldError::new("/material", error.to_string()))
 }
 
-fn proven_tool(raw: &ToolDescription) -> Result<teleclay_clay::ToolShape, FieldError> {
+fn proven_tool(raw: &ToolDescription) -> Result<ToolShape, FieldError> {
     tool_shape(raw).map_err(|error| FieldError::new("/tool", error.to_string()))
 }
 

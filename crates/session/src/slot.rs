@@ -1,5 +1,6 @@
 //! One tool's slot: the line up, the line down, and the tool side while somebody holds it.
 
+use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -17,11 +18,16 @@ use crate::settings::Lines;
 /// Frames in flight on one line at most: two seconds of delay at 1 kHz, every one of them doubled.
 const LINE_CAPACITY: usize = 4096;
 
+/// Ticks in which sweeps were decided and that are not durable: a second of them, fifty times what a journal takes.
+const UNDURABLE: usize = 1024;
+
 /// Who holds a tool.
 pub(crate) struct Holder {
     pub(crate) lease: u32,
     pub(crate) operator: Arc<Operator>,
     pub(crate) since: Timestamp,
+    /// Held the tool under an earlier server of the session.
+    pub(crate) is_recovered: bool,
     pub(crate) side: Box<ToolSide>,
     /// As last told.
     pub(crate) was_connected: bool,
@@ -34,6 +40,8 @@ pub(crate) struct ToolSlot {
     pub(crate) up: Conditioner<HandleFrame>,
     pub(crate) down: Conditioner<ToolFrame>,
     pub(crate) last: ToolStep,
+    /// Sweeps decided by tick, that are not known to be durable.
+    pub(crate) undurable: VecDeque<(u64, u32)>,
 }
 
 impl ToolSlot {
@@ -49,6 +57,34 @@ impl ToolSlot {
                 LINE_CAPACITY,
             ),
             last: ToolStep::default(),
+            undurable: VecDeque::with_capacity(UNDURABLE),
+        }
+    }
+
+    /// Notes up to which number sweeps were decided in a tick. Without room, what is noted becomes durable later.
+    pub(crate) fn note_decided(&mut self, tick: u64, decided: u32) {
+        if self
+            .undurable
+            .back()
+            .is_some_and(|(_, last)| *last == decided)
+        {
+            return;
+        }
+        if UNDURABLE <= self.undurable.len() {
+            self.undurable.pop_back();
+        }
+        self.undurable.push_back((tick, decided));
+    }
+
+    /// What was decided up to a tick is durable.
+    pub(crate) fn set_durable(&mut self, tick: u64) {
+        while let Some((decided_at, decided)) = self.undurable.front().copied()
+            && decided_at <= tick
+        {
+            self.undurable.pop_front();
+            if let Some(side) = self.side_mut() {
+                side.set_durable(decided);
+            }
         }
     }
 
@@ -66,6 +102,7 @@ impl ToolSlot {
         self.up.clear();
         self.down.clear();
         self.last = ToolStep::default();
+        self.undurable.clear();
     }
 
     pub(crate) fn side(&self) -> Option<&ToolSide> {
@@ -82,6 +119,7 @@ impl ToolSlot {
             is_connected: holder.side.is_connected(now),
             silence: Duration::from_secs_f64(holder.side.unheard_s(now)),
             held_for: now.since(holder.since),
+            is_awaited: holder.is_recovered && !holder.side.is_heard(),
         })
     }
 

@@ -437,7 +437,7 @@ impl World {
                 EventKind::Disconnected { slot } => {
                     assert!(std::mem::replace(&mut connected[*slot], false));
                 }
-                EventKind::Fault { .. } => {}
+                EventKind::Fault { .. } | EventKind::Exchanged { .. } => {}
             }
         }
         told.leaves = self.carried_out.leaves;

@@ -58,11 +58,16 @@ words! {
 ///   | header | position_m | velocity_m_s | force_n | wave | wave_integral | energy_in_j |
 ///   |        | f64x3      | f64x3        | f64x3   | f64x3| f64x3         | f64x3       |
 ///   +--------+------------+--------------+---------+------+---------------+-------------+
-///   192               200         208                   212              216       217    218    224
-///   +-----------------+-----------+---------------------+----------------+---------+------+------+
-///   | engaged_area_m2 | clay_hash | sweeps_acknowledged | sweeps_refused | refusal | gaps | zero |
-///   |       f64       |    u64    |         u32         |      u32       |   u8    |  u8  | u8x6 |
-///   +-----------------+-----------+---------------------+----------------+---------+------+------+
+///   192               200         208                   212              216       217
+///   +-----------------+-----------+---------------------+----------------+---------+------+
+///   | engaged_area_m2 | clay_hash | sweeps_acknowledged | sweeps_refused | refusal | gaps |
+///   |       f64       |    u64    |         u32         |      u32       |   u8    |  u8  |
+///   +-----------------+-----------+---------------------+----------------+---------+------+
+///   218              222           223    224
+///   +----------------+-------------+------+
+///   | sweeps_durable | epochs_kept | zero |
+///   |      u32       |     u8      |  u8  |
+///   +----------------+-------------+------+
 ///   224                     228    229    232
 ///   +-----------------------+------+------+-----------------+-------------------+
 ///   | oldest_unacknowledged | runs | zero | runs of relayed | gaps x 4 bytes of |
@@ -95,7 +100,13 @@ pub struct ToolFrame {
     pub sweeps_acknowledged: u32,
     /// Which sweeps beyond that have come as well: they will be merged or refused, and need not come again.
     pub sweep_gaps: Gaps,
-    /// How many of them were refused since joining.
+    /// Every sweep up to this number stays decided whatever happens to the server, and need not be kept by who made it.
+    /// Never above `sweeps_acknowledged`.
+    pub sweeps_durable: u32,
+    /// Sweeps of so many earlier epochs of the clay cut this one as well: it was only exchanged since, with strokes
+    /// undone or redone. Saturates.
+    pub epochs_kept: u8,
+    /// How many sweeps were refused since joining.
     pub sweeps_refused: u32,
     /// Hash of the server's clay as of this frame; 0 while it is not known.
     pub clay_hash: u64,
@@ -125,16 +136,9 @@ impl ToolFrame {
         writer.put(self.clay_hash.to_le_bytes());
         writer.put(self.sweeps_acknowledged.to_le_bytes());
         writer.put(self.sweeps_refused.to_le_bytes());
-        writer.put([
-            self.refusal.byte(),
-            self.sweep_gaps.count(),
-            0,
-            0,
-            0,
-            0,
-            0,
-            0,
-        ]);
+        writer.put([self.refusal.byte(), self.sweep_gaps.count()]);
+        writer.put(self.sweeps_durable.to_le_bytes());
+        writer.put([self.epochs_kept, 0]);
         self.relayed.write(&mut writer);
         self.sweep_gaps.write(&mut writer);
         writer.finish()
@@ -160,7 +164,9 @@ impl ToolFrame {
         let sweeps_refused = reader.u32()?;
         let refusal = SweepRefusal::from_byte(reader.u8()?)?;
         let gaps = reader.u8()?;
-        reader.zeros::<6>("refusal")?;
+        let sweeps_durable = reader.u32()?;
+        let epochs_kept = reader.u8()?;
+        reader.zeros::<1>("refusal")?;
         let relayed = Sweeps::read(&mut reader)?;
         let sweep_gaps = Gaps::read(gaps, &mut reader)?;
         reader.finish()?;
@@ -176,6 +182,8 @@ impl ToolFrame {
             energy_in_j,
             engaged_area_m2,
             sweeps_acknowledged,
+            sweeps_durable,
+            epochs_kept,
             sweep_gaps,
             sweeps_refused,
             relayed,

@@ -2,8 +2,9 @@
 
 use teleclay_link::Vec3;
 use teleclay_link::arrivals::Arrival;
-use teleclay_link::freshness::Age;
-use teleclay_link::safety::{Measure, check};
+use teleclay_link::freshness::{Age, Freshness};
+use teleclay_link::round_trip::RoundTrip;
+use teleclay_link::safety::{Implausible, Measure, check};
 use teleclay_link::scheme::HandlePort;
 use teleclay_link::time::Timestamp;
 use teleclay_proto::frame::{CopyState, Corrections, Gaps, Sweeps, ToolFrame};
@@ -21,6 +22,7 @@ impl HandleSide {
         if header.lease != own.lease || is_after(own.ownership_epoch, header.ownership_epoch) {
             return;
         }
+        let is_another_owner = header.ownership_epoch != own.ownership_epoch;
         let outside = [
             ("position_m", Measure::Position, &frame.position_m[..]),
             ("velocity_m_s", Measure::Velocity, &frame.velocity_m_s),
@@ -29,9 +31,14 @@ impl HandleSide {
             ("wave_integral", Measure::Sum, &frame.wave_integral),
             ("energy_in_j", Measure::Sum, &frame.energy_in_j),
         ];
+        let is_another_stream = is_another_owner || self.is_renewed;
         let is_plausible = check(&outside).and_then(|()| {
-            self.arrivals
-                .check_sequence(header.sent_ns, header.sequence)
+            if is_another_stream {
+                self.listen_to_another_stream(header.sent_ns, header.sequence)
+            } else {
+                self.arrivals
+                    .check_sequence(header.sent_ns, header.sequence)
+            }
         });
         if let Err(fault) = is_plausible {
             self.arrivals.on_implausible();
@@ -89,6 +96,17 @@ impl HandleSide {
         if is_mine {
             self.controller.on_frame(now, frame);
         }
+    }
+
+    /// Another server goes on with the session, or this one under another lease: frames are numbered anew, by a clock
+    /// that may be another.
+    fn listen_to_another_stream(&mut self, sent_ns: u64, first: u32) -> Result<(), Implausible> {
+        self.arrivals.restart(sent_ns, first)?;
+        self.is_renewed = false;
+        self.freshness = Freshness::new(self.model.watchdog.silence);
+        self.round_trip = RoundTrip::default();
+        self.scheme_since = first;
+        Ok(())
     }
 
     pub(super) fn fill_frame(&mut self, now: Timestamp, port: &HandlePort, felt: Vec3) {

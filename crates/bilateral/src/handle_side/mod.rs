@@ -98,7 +98,7 @@ pub struct HandleStep {
 /// 1. `handle_*` takes in what comes from outside: [`handle_frame`](Self::handle_frame), [`handle_snapshot`](Self::handle_snapshot),
 ///    [`handle_peer_gone`](Self::handle_peer_gone).
 /// 2. What changes it between two ticks: [`move_to`](Self::move_to), [`set_deadband`](Self::set_deadband), [`provide`](Self::provide),
-///    [`leave`](Self::leave); then [`step`](Self::step), a tick.
+///    [`renew`](Self::renew), [`leave`](Self::leave); then [`step`](Self::step), a tick.
 /// 3. What the step gives: [`frame_to_send`](Self::frame_to_send), then [`poll_retired`](Self::poll_retired) until it
 ///    gives nothing more.
 /// 4. Everything else is a getter; [`wanted_snapshot`](Self::wanted_snapshot) and
@@ -138,6 +138,8 @@ pub struct HandleSide {
     status: LoopStatus,
     /// When the tool side was seen to go, until it is heard of again.
     gone_since: Option<Timestamp>,
+    /// Frames under another lease are numbered anew.
+    is_renewed: bool,
     fault: Option<Implausible>,
     persistence: Persistence,
     frame: HandleFrame,
@@ -187,6 +189,7 @@ impl HandleSide {
             round_trip: RoundTrip::default(),
             status: LoopStatus::Idle,
             gone_since: None,
+            is_renewed: false,
             fault: None,
             persistence: Persistence::default(),
             frame: HandleFrame {
@@ -347,6 +350,15 @@ impl HandleSide {
     /// scheme, until a frame that arrives later than `now` by more than the allowed silence shows that it is there.
     pub fn handle_peer_gone(&mut self, now: Timestamp) {
         self.gone_since = Some(now);
+    }
+
+    /// Goes on under another lease of the same session, with the copy of the clay and every sweep that is not durable:
+    /// after a server was lost, or a lease.
+    pub fn renew(&mut self, lease: Lease) {
+        self.frame.header.lease = lease.number;
+        self.frame.header.ownership_epoch = lease.ownership_epoch;
+        self.is_renewed = true;
+        self.gone_since = None;
     }
 
     /// Says goodbye in every further frame.

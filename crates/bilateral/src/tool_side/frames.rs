@@ -143,6 +143,9 @@ impl ToolSide {
         self.frame.force_n = self.clay_force.into();
         self.frame.engaged_area_m2 = step.engaged_area_m2;
         self.controller.fill(&mut self.frame);
+        if let Some(durable) = self.durable {
+            self.frame.sweeps_durable = durable.min(self.frame.sweeps_acknowledged);
+        }
         if self.names_another_owner {
             self.frame.refusal = SweepRefusal::WrongOwner;
         }

@@ -22,7 +22,7 @@ use teleclay_link::arrivals::{ArrivalCounts, Arrivals};
 use teleclay_link::deadband::{Deadband, DeadbandError, DeadbandSettings};
 use teleclay_link::freshness::Freshness;
 use teleclay_link::motion_limiter::MotionLimiter;
-use teleclay_link::replica::{Cut, ToolSetup};
+use teleclay_link::replica::{CorrectionLimiter, Cut, ToolSetup};
 use teleclay_link::round_trip::RoundTrip;
 use teleclay_link::safety::{Implausible, Persistence, Watchdog};
 use teleclay_link::scheme::replica::MergeContext;
@@ -92,6 +92,9 @@ pub struct ToolSide {
     /// What was cut in the last tick.
     cuts: Vec<Cut>,
     clay_force: Vec3,
+    /// Lets clay that was exchanged change the force only slowly.
+    limiter: CorrectionLimiter,
+    is_in_exchanged_clay: bool,
     lift: f64,
     watchdog: Watchdog,
     freshness: Freshness,
@@ -109,6 +112,8 @@ pub struct ToolSide {
     left_at: Option<Timestamp>,
     /// Whether the newest frame under this lease was meant for an earlier server of the session.
     names_another_owner: bool,
+    /// Sweeps up to this number are durable; `None` where nothing is kept.
+    durable: Option<u32>,
     fault: Option<Implausible>,
     persistence: Persistence,
     handle: FarHandle,
@@ -146,6 +151,8 @@ impl ToolSide {
             was_led: false,
             cuts: Vec::with_capacity(CUTS_A_TICK),
             clay_force: Vec3::zeros(),
+            limiter: CorrectionLimiter::new(model.correction_limits()),
+            is_in_exchanged_clay: false,
             lift: 0.0,
             watchdog: Watchdog::new(model.watchdog),
             freshness: Freshness::new(model.watchdog.silence),
@@ -158,6 +165,7 @@ impl ToolSide {
             engagement: Engagement::Idle,
             left_at: None,
             names_another_owner: false,
+            durable: None,
             fault: None,
             persistence: Persistence::default(),
             handle: FarHandle::default(),
@@ -229,6 +237,27 @@ impl ToolSide {
         self.frame.header.clay_epoch = generation.epoch;
         self.controller.on_fresh_block(generation.epoch);
         self.reindex();
+    }
+
+    /// The clay was exchanged for another one in the same place, under a new epoch: the tool stays where it is, in
+    /// whatever is there now. What that changes in the force shows no faster than a
+    /// [correction](teleclay_link::replica::CorrectionLimiter) may, and brings no energy that was not earned.
+    pub fn go_on_in_exchanged_clay(&mut self, generation: Generation) {
+        self.frame.header.revision = generation.since_revision;
+        self.frame.header.clay_epoch = generation.epoch;
+        self.controller.on_exchanged_clay(generation.epoch);
+        self.is_in_exchanged_clay = true;
+    }
+
+    /// Frames say from now on that sweeps are durable up to this number, and not up to all that were merged.
+    pub fn set_durable(&mut self, sweeps: u32) {
+        self.durable = Some(sweeps);
+    }
+
+    /// Goes on where the tool of an earlier server has ended: every sweep up to `decided` was merged or refused there.
+    pub fn resume(&mut self, decided: u32, fault: Option<Implausible>) {
+        self.controller.resume(decided);
+        self.fault = fault;
     }
 
     /// Another place or tool, from the fresh block on that follows. Gives back what was, to be dropped elsewhere.
@@ -310,6 +339,11 @@ impl ToolSide {
         &self.cuts
     }
 
+    /// Every sweep of the handle up to this number has been merged or refused; 0 under a scheme without sweeps.
+    pub fn sweeps_decided(&self) -> u32 {
+        self.controller.sweeps_decided()
+    }
+
     /// The frame to be sent now, if the last step made one that the other side would miss. Without perceptual coding
     /// every step does.
     pub fn frame_to_send(&self) -> Option<&ToolFrame> {
@@ -335,6 +369,11 @@ impl ToolSide {
     /// Whether the handle's sweeps led the tool in the last tick.
     pub fn is_led(&self) -> bool {
         self.was_led
+    }
+
+    /// Whether any frame has come.
+    pub fn is_heard(&self) -> bool {
+        self.heard_at.is_some()
     }
 
     /// Whether frames come, and the holder has not said goodbye.

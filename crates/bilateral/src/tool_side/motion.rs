@@ -4,7 +4,7 @@ use teleclay_clay::{Clay, ContactState, Material, Motion, Pose};
 use teleclay_control::State;
 use teleclay_link::Vec3;
 use teleclay_link::motion_limiter::Setpoint;
-use teleclay_link::replica::Cut;
+use teleclay_link::replica::{CorrectionLimiter, Cut};
 use teleclay_link::safety::{Flaw, Implausible};
 use teleclay_link::scheme::ToolPort;
 use teleclay_link::scheme::replica::Merged;
@@ -31,6 +31,8 @@ impl ToolSide {
         self.plant = [State::default(); 3];
         self.contact = ContactState::default();
         self.clay_force = Vec3::zeros();
+        self.limiter = CorrectionLimiter::new(self.model.correction_limits());
+        self.is_in_exchanged_clay = false;
     }
 
     /// The port after the last displacement and the clay's answer to it.
@@ -113,6 +115,24 @@ impl ToolSide {
         }
     }
 
+    /// The clay's answer, and on top of it what the answer of clay that was exchanged is still held back by.
+    fn limited_force(&mut self, answer: Vec3) -> Vec3 {
+        if std::mem::take(&mut self.is_in_exchanged_clay) {
+            // What the old clay answered a tick ago stands for what it would answer now.
+            let before = self.model.reflected(self.clay_force - self.limiter.held());
+            self.limiter
+                .on_correction(before, self.model.reflected(answer));
+        }
+        let velocity = self.model.reflected(self.velocity);
+        let limited = self.limiter.step(answer, velocity, self.model.tick_s());
+        // Nothing is added to most answers, not even a zero.
+        if self.limiter.held() == Vec3::zeros() {
+            answer
+        } else {
+            limited
+        }
+    }
+
     pub(super) fn work(&mut self, before: Vec3, clay: &mut Clay, material: &Material) -> ToolStep {
         let pose =
             |displacement: Vec3| Pose::quantise((self.model.setup().home + displacement).into());
@@ -134,7 +154,7 @@ impl ToolSide {
             &motion,
             &mut self.contact,
         );
-        self.clay_force = Vec3::from(worked.response.force_n);
+        self.clay_force = self.limited_force(worked.response.force_n.into());
         if motion.from() != motion.to() || 0 < worked.removed_units {
             self.cuts.push(Cut {
                 from: motion.from(),

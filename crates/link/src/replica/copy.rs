@@ -190,6 +190,12 @@ impl Copy {
         std::mem::replace(&mut self.clay, clay)
     }
 
+    /// What it is a copy of counts as this block from now on: the clay there was exchanged.
+    pub fn follow(&mut self, epoch: u32) {
+        self.epoch = epoch;
+        self.hash = None;
+    }
+
     /// Whether a further correction may wait.
     pub fn has_room(&self) -> bool {
         self.corrections.len() < CORRECTIONS_WAITING

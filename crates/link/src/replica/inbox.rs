@@ -242,6 +242,7 @@ mod tests {
                 }
                 if !echo_lost {
                     log.on_acknowledged(inbox.complete(), &gaps_of(&inbox));
+                    log.on_durable(inbox.complete());
                 }
             }
             for _ in 0..1000 {

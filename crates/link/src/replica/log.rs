@@ -1,10 +1,15 @@
-//! The sender's half: sweeps in the order they were made, kept until they are acknowledged.
+//! The sender's half: sweeps in the order they were made, repeated until they are acknowledged, kept until they are
+//! durable.
+//!
+//! What is acknowledged and not durable may be asked for once more, by a server that takes over and has less. So it
+//! takes room as well: [`WINDOW`] sweeps are kept at most, eight seconds of cutting at 1 kHz, and then whoever cuts has
+//! to stop.
 //!
 //! Two numbers say everything that the other side has: up to where all has come, and which beyond that ([`Gaps`], the
 //! selective acknowledgement of [MMFR96] in docs/papers.md). Only what the other side has *noted* counts as come. That
 //! a packet came says nothing of what it carried: there may have been no room for it.
 //!
-//! A sweep goes out in rounds. A round is so many packets in a row, [`LEAST_COPIES`] on a good line, so that single
+//! A sweep goes out in rounds. A round is so many packets in a row, four on a good line, so that single
 //! losses cost no round trip. When it is over and the usual [`Wait`] has gone by without a word of the sweep, the next
 //! round begins, and after that one half as much time goes by, and so on: the more rounds were in vain, the sooner the
 //! next, until it goes into every packet. Half of every packet is kept for sweeps made before and half for fresh ones,
@@ -20,25 +25,18 @@ use std::time::Duration;
 use teleclay_proto::frame::{Gaps, SWEEP_BYTES, SweepRecord, Sweeps};
 
 use super::WINDOW;
+use super::copies::Copies;
 use super::wait::Wait;
 use crate::time::Timestamp;
 
-/// Packets of a round at least. With every third packet lost, one sweep in a hundred needs a second round.
-const LEAST_COPIES: f64 = 4.0;
-/// Packets of a round at most. These many sweeps, one a packet, leave a sixth of the room to those made before.
-const MOST_COPIES: f64 = 108.0;
-/// A sweep that needs a second round makes rounds longer by so many packets, and one that comes with the first makes
-/// them shorter by a tenth of that.
-const COPIES_UP: f64 = 0.5;
-const COPIES_DOWN: f64 = 0.05;
 /// Room in a packet that sweeps made before may take, if fresh ones want the rest.
 const OVERDUE_BYTES: usize = SWEEP_BYTES / 2;
 /// Sweeps looked at for a packet: what is overdue is found within a few packets, however many wait.
 const LOOKS: u32 = 256;
 
-/// [`WINDOW`] sweeps wait for acknowledgement: whoever cuts has to stop.
+/// [`WINDOW`] sweeps wait to become durable: whoever cuts has to stop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{WINDOW} sweeps wait for acknowledgement")]
+#[error("{WINDOW} sweeps wait to become durable")]
 pub struct LogFull;
 
 /// A sweep and what became of it.
@@ -65,7 +63,7 @@ struct Packet {
     wait_ns: u64,
 }
 
-/// Sweeps that are not yet acknowledged. Numbers start at 1 and go up by one a sweep; 0 is never one.
+/// Sweeps that are not yet durable. Numbers start at 1 and go up by one a sweep; 0 is never one.
 #[derive(Clone, Debug)]
 pub struct SweepLog {
     entries: Box<[Entry]>,
@@ -73,31 +71,14 @@ pub struct SweepLog {
     missing: Box<[u64]>,
     /// Number of the oldest that waits; equal to `next` when none does.
     oldest: u32,
+    /// Number of the oldest that is kept; at most `oldest`.
+    kept_from: u32,
     next: u32,
     /// Where the search for overdue ones goes on.
     search: u32,
     wait: Wait,
     copies: Copies,
     packets_sent: u64,
-}
-
-/// How long a round is, in packets.
-#[derive(Clone, Copy, Debug)]
-struct Copies(f64);
-
-impl Copies {
-    fn packets(self) -> u64 {
-        self.0 as u64
-    }
-
-    /// A round was in vain: for one sweep in eleven that is as it should be.
-    fn on_second_round(&mut self) {
-        self.0 = (self.0 + COPIES_UP).min(MOST_COPIES);
-    }
-
-    fn on_first_round_that_came(&mut self) {
-        self.0 = (self.0 - COPIES_DOWN).max(LEAST_COPIES);
-    }
 }
 
 impl Entry {
@@ -136,10 +117,11 @@ impl Default for SweepLog {
             entries: vec![none; WINDOW].into_boxed_slice(),
             missing: vec![0; WINDOW / 64].into_boxed_slice(),
             oldest: 1,
+            kept_from: 1,
             next: 1,
             search: 1,
             wait: Wait::default(),
-            copies: Copies(LEAST_COPIES),
+            copies: Copies::default(),
             packets_sent: 0,
         }
     }
@@ -151,7 +133,7 @@ impl SweepLog {
     /// # Errors
     /// Too many wait; nothing is taken in.
     pub fn push(&mut self, from: [i32; 3], to: [i32; 3]) -> Result<u32, LogFull> {
-        if WINDOW <= self.waiting() {
+        if WINDOW <= self.kept() {
             return Err(LogFull);
         }
         let sequence = self.next;
@@ -188,14 +170,24 @@ impl SweepLog {
         }
     }
 
+    /// What is acknowledged up to and including `sequence` will not be asked for again: it need not be kept. An older
+    /// word is still true, and one of what is not acknowledged counts as far as it is.
+    pub fn on_durable(&mut self, sequence: u32) {
+        let durable = sequence.min(self.oldest - 1);
+        self.kept_from = self.kept_from.max(durable + 1);
+    }
+
     /// Everything that waits is given up: the clay it cut is gone. Numbers go on.
     pub fn give_up(&mut self) {
         self.oldest = self.next;
+        self.kept_from = self.next;
         self.missing.fill(0);
     }
 
-    /// Another receiver took over, of which nothing is known but what it acknowledges from now on.
+    /// Another receiver took over, of which nothing is known but what it acknowledges from now on: all that is kept
+    /// waits again.
     pub fn forget_what_came(&mut self) {
+        self.oldest = self.kept_from;
         for sequence in self.oldest..self.next {
             self.set_missing(sequence);
         }
@@ -215,6 +207,11 @@ impl SweepLog {
     /// Sweeps that wait for acknowledgement.
     pub fn waiting(&self) -> usize {
         (self.next - self.oldest) as usize
+    }
+
+    /// Sweeps that are kept because they are not durable.
+    pub fn kept(&self) -> usize {
+        (self.next - self.kept_from) as usize
     }
 
     /// Number of the last sweep made; 0 before the first.
@@ -483,6 +480,7 @@ mod tests {
                 && let Some(Some((complete, gaps))) = down.pop_front()
             {
                 log.on_acknowledged(complete, &gaps);
+                log.on_durable(complete);
             }
             most = most.max(log.waiting());
         }
@@ -530,24 +528,12 @@ mod tests {
         // Older and newer acknowledgements in any order.
         line.log.on_acknowledged(1, &gaps(&[[1, 1], [1, 1]]));
         line.log.on_acknowledged(0, &gaps(&[[1, 2]]));
+        line.log.on_durable(1);
         line.now = line.now.after(TICK * 1000);
         assert_eq!(line.packet(), [4, 6]);
         line.log.forget_what_came();
         line.now = line.now.after(TICK * 1000);
         assert_eq!(line.packet(), [2, 3, 4, 5, 6]);
-    }
-
-    #[test]
-    fn rounds_grow_on_a_line_that_lets_little_through_and_shrink_on_a_good_one() {
-        let mut copies = Copies(LEAST_COPIES);
-        for _ in 0..1000 {
-            copies.on_second_round();
-        }
-        assert_eq!(copies.packets(), MOST_COPIES as u64);
-        for _ in 0..3000 {
-            copies.on_first_round_that_came();
-        }
-        assert_eq!(copies.packets(), LEAST_COPIES as u64);
     }
 
     #[test]
@@ -582,7 +568,33 @@ mod tests {
         let mut log = log_of(WINDOW as u32);
         assert_eq!(log.push([0; 3], [1; 3]), Err(LogFull));
         log.on_acknowledged(1, &Gaps::default());
+        assert_eq!(
+            log.push([0; 3], [1; 3]),
+            Err(LogFull),
+            "it may be asked for again"
+        );
+        log.on_durable(1);
         assert_eq!(log.push([0; 3], [1; 3]), Ok(WINDOW as u32 + 1));
-        assert_eq!(log.waiting(), WINDOW);
+        assert_eq!((log.waiting(), log.kept()), (WINDOW, WINDOW));
+    }
+
+    #[test]
+    fn a_receiver_that_has_less_gets_what_it_lacks_and_nothing_that_is_durable() {
+        let mut line = Line::of(9);
+        line.packet();
+        line.log.on_acknowledged(6, &gaps(&[[1, 1]]));
+        // Of what is not acknowledged nothing is durable.
+        line.log.on_durable(2);
+        line.log.on_durable(1);
+        assert_eq!((line.log.waiting(), line.log.kept()), (3, 7));
+        line.log.forget_what_came();
+        line.log.on_acknowledged(4, &Gaps::default());
+        line.now = line.now.after(TICK * 1000);
+        assert_eq!(line.packet(), [5, 6, 7, 8, 9]);
+        line.log.on_durable(99);
+        assert_eq!((line.log.acknowledged(), line.log.kept()), (4, 5));
+        line.log.on_acknowledged(9, &Gaps::default());
+        line.log.on_durable(9);
+        assert_eq!((line.log.waiting(), line.log.kept()), (0, 0));
     }
 }

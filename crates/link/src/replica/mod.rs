@@ -18,6 +18,7 @@
 //! | [`Copy`] | the clay at the handle's side, with a tool in it, and corrections on their way into it |
 //! | [`CorrectionLimiter`] | lets a correction of the copy change the felt force only slowly, and only with energy that cutting has earned |
 
+mod copies;
 mod copy;
 mod correction_limiter;
 mod inbox;

@@ -249,6 +249,17 @@ pub trait ToolController: Send {
     /// The clay was exchanged for a fresh block; `reindex` follows.
     fn on_fresh_block(&mut self, _epoch: u32) {}
 
+    /// The clay was exchanged for another one in the same place: sweeps that are on their way count.
+    fn on_exchanged_clay(&mut self, _epoch: u32) {}
+
+    /// Goes on where the controller of an earlier server has ended: every sweep up to `decided` was merged or refused.
+    fn resume(&mut self, _decided: u32) {}
+
+    /// Every sweep up to this number has been merged or refused; 0 where there are none.
+    fn sweeps_decided(&self) -> u32 {
+        0
+    }
+
     /// The tool works elsewhere from now on.
     fn move_to(&mut self, _setup: &Arc<ToolSetup>) {}
 

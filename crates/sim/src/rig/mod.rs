@@ -28,7 +28,7 @@ use teleclay_proto::http::{NewSession, SessionPatch};
 use teleclay_proto::join::LoopParameters;
 use teleclay_proto::{Scheme, SessionId};
 use teleclay_session::{
-    Command, Lines, Operator, Prepared, Refusal, Rules, Session, SessionSetup, Settings,
+    Command, Event, Lines, Operator, Prepared, Refusal, Rules, Session, SessionSetup, Settings,
 };
 
 pub use halt::Halt;
@@ -96,6 +96,8 @@ pub struct Rig {
     outside: Vec<(usize, HandleFrame)>,
     /// What has come to it in this tick.
     came_up: Vec<(usize, HandleFrame)>,
+    /// What the session told in this tick.
+    events: Vec<Event>,
     /// What stands between the lines and the programs, once a test asks for it.
     wires: Vec<Wires>,
 }
@@ -159,10 +161,7 @@ impl Rig {
         });
         let mut hands = Vec::with_capacity(operators.len());
         for (number, (parameters, intent)) in operators.into_iter().enumerate() {
-            let operator = Operator {
-                name: format!("operator {number}"),
-                device: "simulated".to_owned(),
-            };
+            let operator = operator(number);
             let side = ToolSide::new(&parameters, 0)?;
             let outcome =
                 session.handle_command(now, &mut Prepared::join(&operator, side, None))?;
@@ -188,6 +187,7 @@ impl Rig {
             halt: None,
             outside: Vec::new(),
             came_up: Vec::new(),
+            events: Vec::new(),
             wires: Vec::new(),
         })
     }
@@ -262,7 +262,10 @@ impl Rig {
                 None => self.hands[slot].inbox.push((noticed, *frame)),
             }
         }
-        while self.session.poll_event().is_some() {}
+        self.events.clear();
+        while let Some(event) = self.session.poll_event() {
+            self.events.push(event);
+        }
         while self.session.poll_retired().is_some() {}
     }
 
@@ -494,6 +497,41 @@ impl Rig {
         self.handle().clay_copy()
     }
 
+    /// What the session told in the last tick.
+    pub fn events(&self) -> &[Event] {
+        &self.events
+    }
+
+    /// Another server runs the session from now on. What was on the old one's lines is lost; gives back its session.
+    pub fn replace_session(&mut self, session: Session) -> Session {
+        self.halt = None;
+        self.outside.clear();
+        std::mem::replace(&mut self.session, session)
+    }
+
+    /// The operator in `slot` asks for the tool again, as after a server was lost, and goes on under the new lease.
+    ///
+    /// # Errors
+    /// The session refuses.
+    pub fn renew_lease(&mut self, slot: usize) -> Result<(), Refusal> {
+        let operator = operator(slot);
+        let parameters = self.session.settings().parameters;
+        let side = ToolSide::new(&parameters, 0).expect("a session's parameters make a loop");
+        let mut prepared = Prepared::join(&operator, side, None);
+        let outcome = self.session.handle_command(self.now, &mut prepared)?;
+        let granted = outcome.granted.expect(ATTACHED);
+        self.hands[granted.slot].handle.renew(Lease {
+            number: granted.lease,
+            ownership_epoch: self.session.ownership_epoch(),
+        });
+        Ok(())
+    }
+
+    /// The block as it was at first.
+    pub fn block(&self) -> &Clay {
+        &self.block
+    }
+
     /// The session.
     pub fn session(&self) -> &Session {
         &self.session
@@ -529,6 +567,13 @@ fn settings(parameters: &LoopParameters, tools: usize) -> Settings {
         spec,
         parameters: *parameters,
         is_paused: false,
+    }
+}
+
+fn operator(slot: usize) -> Operator {
+    Operator {
+        name: format!("operator {slot}"),
+        device: "simulated".to_owned(),
     }
 }
 

@@ -120,6 +120,8 @@ pub(super) fn tool_frames() -> Value {
         energy_in_j: [1e-3, 2e-3, 3e-3],
         engaged_area_m2: 1e-4,
         sweeps_acknowledged: 0x4443_4241,
+        sweeps_durable: 0x3c3b_3a39,
+        epochs_kept: 0x17,
         sweep_gaps: gaps(&[[0x5251, 0x5453]]),
         sweeps_refused: 0x4847_4645,
         clay_hash: 0xfedc_ba98_7654_3210,

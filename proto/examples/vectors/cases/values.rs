@@ -62,6 +62,8 @@ pub fn tool_frame_value(frame: &ToolFrame) -> Value {
         "energy_in_j": floats(frame.energy_in_j),
         "engaged_area_m2": float(frame.engaged_area_m2),
         "sweeps_acknowledged": frame.sweeps_acknowledged,
+        "sweeps_durable": frame.sweeps_durable,
+        "epochs_kept": frame.epochs_kept,
         "sweep_gaps": gaps_value(&frame.sweep_gaps),
         "sweeps_refused": frame.sweeps_refused,
         "clay_hash": ClayHash(frame.clay_hash).to_string(),

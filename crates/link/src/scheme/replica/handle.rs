@@ -97,6 +97,8 @@ pub struct ReplicaHandle {
     request: Option<Request>,
     requests: u32,
     asked_at: Option<Timestamp>,
+    /// What others have cut before is in every snapshot of this epoch, or was undone.
+    exchanged_at: Timestamp,
     retired: Option<Box<Clay>>,
 }
 
@@ -128,6 +130,7 @@ impl ReplicaHandle {
             request: None,
             requests: 0,
             asked_at: None,
+            exchanged_at: Timestamp::ZERO,
             retired: None,
         }
     }
@@ -163,11 +166,13 @@ impl ReplicaHandle {
             .replace(owner)
             .is_some_and(|before| before != owner)
         {
-            // What came to the server before need not have come to this one.
+            // What came to the server before need not have come to this one, which numbers what it relays anew.
             self.log.forget_what_came();
+            self.inbox.restart();
         }
         self.log
             .on_acknowledged(frame.sweeps_acknowledged, &frame.sweep_gaps);
+        self.log.on_durable(frame.sweeps_durable);
     }
 
     fn take_relayed(&mut self, now: Timestamp, frame: &ToolFrame) {
@@ -196,6 +201,7 @@ impl ReplicaHandle {
         self.epoch_from = self.log.last() + 1;
         self.changed_by = self.log.last();
         self.others.clear();
+        self.exchanged_at = Timestamp::ZERO;
         self.rebuild = None;
         self.is_diverged = false;
         if let Some(copy) = self.copy.take() {
@@ -204,6 +210,26 @@ impl ReplicaHandle {
             self.corrections_waiting = corrections;
         }
         self.ask_for_snapshot(now);
+    }
+
+    /// The server's clay was exchanged under a new epoch: the copy stays and is cut on until a snapshot takes its
+    /// place, through the limiter, as any that heals it. What was cut before is in the snapshot, or was undone.
+    fn follow_exchange(&mut self, now: Timestamp, frame: &ToolFrame) {
+        self.epoch = frame.header.clay_epoch;
+        if let Some(copy) = &mut self.copy {
+            copy.follow(self.epoch);
+        }
+        self.epoch_from = frame.sweeps_acknowledged + 1;
+        self.exchanged_at = now;
+        self.rebuild = None;
+        self.is_diverged = self.copy.is_some();
+        self.ask_for_snapshot(now);
+    }
+
+    /// Whether a frame's clay is the copy's, exchanged.
+    fn is_exchanged(&self, frame: &ToolFrame) -> bool {
+        let ahead = frame.header.clay_epoch.wrapping_sub(self.epoch);
+        self.epoch != 0 && ahead <= frame.epochs_kept.into()
     }
 
     fn ask_for_snapshot(&mut self, now: Timestamp) {
@@ -278,7 +304,7 @@ impl ReplicaHandle {
         let is_silent = STALE < now.since(*self.last_frame.get_or_insert(now));
         // A log with a fifth of its room left is full: a sweep that finds no room would be felt here and never cut
         // there.
-        self.is_stale = is_silent || WINDOW - WINDOW / 5 < self.log.waiting();
+        self.is_stale = is_silent || WINDOW - WINDOW / 5 < self.log.kept();
         let works = matches!(self.status, LoopStatus::Running | LoopStatus::Idle);
         if works && !self.is_stale {
             Edge::Cutting
@@ -338,7 +364,11 @@ impl HandleController for ReplicaHandle {
             self.log.on_round_trip(now, round_trip);
         }
         if frame.header.clay_epoch != self.epoch {
-            self.start_epoch(now, frame.header.clay_epoch);
+            if self.is_exchanged(frame) {
+                self.follow_exchange(now, frame);
+            } else {
+                self.start_epoch(now, frame.header.clay_epoch);
+            }
         }
         self.take_relayed(now, frame);
         self.compare(frame);
@@ -458,7 +488,7 @@ impl ClayCopy for ReplicaHandle {
                 .saturating_sub(lag_sweeps)
                 .max(self.epoch_from - 1),
             others_next: self.others.count,
-            since,
+            since: since.max(self.exchanged_at),
         });
         self.is_diverged = false;
         if let Some(copy) = &mut self.copy {

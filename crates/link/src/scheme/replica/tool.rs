@@ -77,6 +77,8 @@ pub struct ReplicaTool {
     /// Frames of an earlier generation of this scheme number their sweeps otherwise.
     since_revision: u32,
     epoch: u32,
+    /// Sweeps of this block and all since count: clay was only exchanged since.
+    kept_from: u32,
     handle_leads: bool,
     hold: Hold,
     refused: u32,
@@ -101,6 +103,7 @@ impl ReplicaTool {
             pending: Vec::with_capacity(WAITING),
             since_revision: 0,
             epoch: 0,
+            kept_from: 0,
             handle_leads: false,
             hold: Hold::None,
             refused: 0,
@@ -121,6 +124,10 @@ impl ReplicaTool {
     fn is_of_this_generation(&self, frame: &HandleFrame) -> bool {
         frame.header.scheme == Scheme::Replica
             && !is_after(self.since_revision, frame.header.revision)
+    }
+
+    fn cuts_this_clay(&self, epoch: u32) -> bool {
+        !is_after(self.kept_from, epoch) && !is_after(epoch, self.epoch)
     }
 
     /// Sweeps that cut a block which is gone. Each is decided once, as any other.
@@ -245,10 +252,11 @@ impl ToolController for ReplicaTool {
             return;
         }
         self.fallback.take_in(frame);
-        let is_of_this_block = frame.header.clay_epoch == self.epoch;
+        let is_of_this_block = self.cuts_this_clay(frame.header.clay_epoch);
         self.handle_leads = frame.copy != CopyState::None && is_of_this_block;
         self.relay
             .on_acknowledged(frame.relayed_acknowledged, &frame.relayed_gaps);
+        self.relay.on_durable(frame.relayed_acknowledged);
         let header = &frame.header;
         if let Some(round_trip) = round_trip::of_exchange(now, header.echo_ns, header.echo_hold_ns)
         {
@@ -274,7 +282,7 @@ impl ToolController for ReplicaTool {
         if !self.is_of_this_generation(frame) || frame.copy == CopyState::None {
             return;
         }
-        if frame.header.clay_epoch == self.epoch {
+        if self.cuts_this_clay(frame.header.clay_epoch) {
             self.take_sweeps(&frame.sweeps);
         } else {
             self.refuse_sweeps(&frame.sweeps);
@@ -287,6 +295,7 @@ impl ToolController for ReplicaTool {
         }
         self.relay
             .on_acknowledged(frame.relayed_acknowledged, &frame.relayed_gaps);
+        self.relay.on_durable(frame.relayed_acknowledged);
         let newest = frame.sweeps.iter().map(|sweep| sweep.sequence).max();
         self.seen = self.seen.max(newest.unwrap_or(0));
         self.on_late_frame(now, frame);
@@ -356,14 +365,35 @@ impl ToolController for ReplicaTool {
     fn begin(&mut self, generation: Generation) {
         self.since_revision = generation.since_revision;
         self.epoch = generation.epoch;
+        self.kept_from = generation.epoch;
     }
 
     fn has_merged_all(&self) -> bool {
         self.pending.is_empty() && self.inbox.complete() == self.seen
     }
 
+    fn on_exchanged_clay(&mut self, epoch: u32) {
+        self.epoch = epoch;
+        // What others have cut by now is in the clay, or was undone.
+        self.relay.give_up();
+        self.hash = 0;
+    }
+
+    fn resume(&mut self, decided: u32) {
+        self.inbox.skip_to(decided.saturating_add(1));
+        self.newest = decided;
+        self.seen = decided;
+    }
+
+    fn sweeps_decided(&self) -> u32 {
+        let waiting = self.pending.iter().map(|record| record.sequence).min();
+        let complete = self.inbox.complete();
+        waiting.map_or(complete, |oldest| complete.min(oldest - 1))
+    }
+
     fn on_fresh_block(&mut self, epoch: u32) {
         self.epoch = epoch;
+        self.kept_from = epoch;
         self.pending.clear();
         self.relay.give_up();
         self.handle_leads = false;
@@ -383,6 +413,10 @@ impl ToolController for ReplicaTool {
     fn fill(&mut self, frame: &mut ToolFrame) {
         self.fallback.fill(frame);
         frame.sweeps_acknowledged = self.inbox.complete();
+        // Without a journal what was noted is as durable as anything; with one the tool's side says what is.
+        frame.sweeps_durable = frame.sweeps_acknowledged;
+        let kept = self.epoch.wrapping_sub(self.kept_from);
+        frame.epochs_kept = u8::try_from(kept).unwrap_or(u8::MAX);
         self.inbox.fill(&mut frame.sweep_gaps);
         frame.sweeps_refused = self.refused;
         frame.refusal = self.refusal;

@@ -1,0 +1,536 @@
+//! A record: what happened to a session in a tick, as bytes.
+//!
+//! ```text
+//! version  tick    fact  fact  ...           up to the end of the bytes
+//! u8       number
+//! ```
+//!
+//! A fact is a byte for its kind and its fields. A *number* has seven bits a byte, the lowest first; one with a sign is
+//! folded, 0, -1, 1, -2, ...; a *text* is its length and itself. Positions are in steps of the lattice of poses. A cut
+//! that begins where the one before it in the same fact ended says so in a byte; the first never does, so every record
+//! can be read by itself.
+
+use std::sync::Arc;
+
+use teleclay_clay::Pose;
+use teleclay_link::replica::Cut;
+use teleclay_link::safety::{Flaw, Implausible};
+use teleclay_session::{Event, EventKind, Exchange, Operator, Release, Settings, ToolCuts};
+
+use crate::bytes::{Malformed, Reader, put_number, put_signed, put_text};
+
+/// The version that is written.
+pub const VERSION: u8 = 1;
+
+/// Names of quantities that can put a tool into fault, by the byte that stands for each. New ones come at the end.
+const FIELDS: [&str; 11] = [
+    "a value",
+    "position_m",
+    "velocity_m_s",
+    "hand_force_n",
+    "felt_force_n",
+    "wave",
+    "wave_integral",
+    "energy_in_j",
+    "corrections",
+    "corrections.held_n",
+    "tool position_m",
+];
+
+const BEGUN: u8 = 1;
+const GONE_ON: u8 = 2;
+const CUTS: u8 = 3;
+const CHANGED: u8 = 4;
+const FRESH_BLOCK: u8 = 5;
+const EXCHANGED: u8 = 6;
+const TAKEN: u8 = 7;
+const RELEASED: u8 = 8;
+const CONNECTED: u8 = 9;
+const DISCONNECTED: u8 = 10;
+const FAULT: u8 = 11;
+
+/// What happened in a tick, in its order.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Record {
+    /// The session's tick.
+    pub tick: u64,
+    /// What happened up to its end and was not told before.
+    pub facts: Vec<Fact>,
+}
+
+/// Something that happened.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Fact {
+    /// A session began, every tool free.
+    Begun {
+        /// Its settings.
+        settings: Arc<Settings>,
+        /// Counts the blocks.
+        clay_epoch: u32,
+        /// Hash of a block that the settings do not describe.
+        given: Option<u64>,
+        /// Counts the servers that have run it.
+        ownership_epoch: u32,
+        /// Number of the next lease.
+        next_lease: u32,
+    },
+    /// Another server goes on with it.
+    GoneOn {
+        /// Counts the servers that have run it.
+        ownership_epoch: u32,
+    },
+    /// A tool has cut.
+    Cuts {
+        /// The tool's slot, from 0.
+        slot: usize,
+        /// The lease under which it was held.
+        lease: u32,
+        /// Sweeps of its handle up to this number were merged or refused.
+        decided: u32,
+        /// What it removed, in units of 1/255 voxel.
+        removed_units: u64,
+        /// The cuts, in the order in which they were made.
+        cuts: Vec<Cut>,
+    },
+    /// Something that the session told.
+    Told {
+        /// The revision that it made, or that held.
+        revision: u64,
+        /// What it was.
+        kind: EventKind,
+    },
+}
+
+/// Begins a record.
+pub(crate) fn put_head(out: &mut Vec<u8>, tick: u64) {
+    out.push(VERSION);
+    put_number(out, tick);
+}
+
+pub(crate) fn put_begun(
+    out: &mut Vec<u8>,
+    settings: &Settings,
+    clay_epoch: u32,
+    given: Option<u64>,
+    [ownership_epoch, next_lease]: [u32; 2],
+) {
+    out.push(BEGUN);
+    for number in [clay_epoch, ownership_epoch, next_lease] {
+        put_number(out, number.into());
+    }
+    put_given(out, given);
+    put_settings(out, settings);
+}
+
+pub(crate) fn put_gone_on(out: &mut Vec<u8>, ownership_epoch: u32) {
+    out.push(GONE_ON);
+    put_number(out, ownership_epoch.into());
+}
+
+pub(crate) fn put_cuts(out: &mut Vec<u8>, made: &ToolCuts<'_>) {
+    out.push(CUTS);
+    let ToolCuts {
+        slot,
+        lease,
+        decided,
+        removed_units,
+        cuts,
+    } = *made;
+    for number in [
+        slot as u64,
+        lease.into(),
+        decided.into(),
+        removed_units,
+        cuts.len() as u64,
+    ] {
+        put_number(out, number);
+    }
+    let mut before: Option<[i32; 3]> = None;
+    for cut in cuts {
+        let (from, to) = (cut.from.steps(), cut.to.steps());
+        if let Some(before) = before {
+            out.push(u8::from(before != from));
+        }
+        if before != Some(from) {
+            from.iter().for_each(|steps| put_signed(out, *steps));
+        }
+        for axis in 0..3 {
+            put_signed(out, to[axis].wrapping_sub(from[axis]));
+        }
+        before = Some(to);
+    }
+}
+
+/// What a session told.
+pub(crate) fn put_event(out: &mut Vec<u8>, event: &Event) {
+    put_told(out, event.revision, &event.kind);
+}
+
+fn put_told(out: &mut Vec<u8>, revision: u64, kind: &EventKind) {
+    let code = match kind {
+        EventKind::Changed { .. } => CHANGED,
+        EventKind::FreshBlock { .. } => FRESH_BLOCK,
+        EventKind::Exchanged { .. } => EXCHANGED,
+        EventKind::Taken { .. } => TAKEN,
+        EventKind::Released { .. } => RELEASED,
+        EventKind::Connected { .. } => CONNECTED,
+        EventKind::Disconnected { .. } => DISCONNECTED,
+        EventKind::Fault { .. } => FAULT,
+    };
+    out.push(code);
+    put_number(out, revision);
+    match kind {
+        EventKind::Changed { settings } => put_settings(out, settings),
+        EventKind::FreshBlock {
+            settings,
+            clay_epoch,
+            given,
+        } => {
+            put_number(out, (*clay_epoch).into());
+            put_given(out, *given);
+            put_settings(out, settings);
+        }
+        EventKind::Exchanged {
+            clay_epoch,
+            exchange,
+            as_of_tick,
+        } => {
+            put_number(out, (*clay_epoch).into());
+            put_number(out, *as_of_tick);
+            let (code, stroke) = match exchange {
+                Exchange::Undone { stroke } => (0, stroke),
+                Exchange::UndoneSince { stroke } => (1, stroke),
+                Exchange::Redone { stroke } => (2, stroke),
+            };
+            out.push(code);
+            put_number(out, *stroke);
+        }
+        EventKind::Taken {
+            slot,
+            lease,
+            operator,
+        } => put_holder(out, *slot, *lease, operator),
+        EventKind::Released {
+            slot,
+            lease,
+            operator,
+            because,
+        } => {
+            put_holder(out, *slot, *lease, operator);
+            out.push(match because {
+                Release::Left => 0,
+                Release::RanOut => 1,
+                Release::TakenOver => 2,
+            });
+        }
+        EventKind::Connected { slot } | EventKind::Disconnected { slot } => {
+            put_number(out, *slot as u64);
+        }
+        EventKind::Fault { slot, fault } => {
+            put_number(out, *slot as u64);
+            put_fault(out, *fault);
+        }
+    }
+}
+
+pub(crate) fn put_fault(out: &mut Vec<u8>, fault: Implausible) {
+    let known = FIELDS.iter().position(|field| *field == fault.field);
+    out.push(known.unwrap_or(0) as u8);
+    out.push(match fault.flaw {
+        Flaw::NotFinite => 0,
+        Flaw::TooLarge => 1,
+    });
+}
+
+pub(crate) fn put_holder(out: &mut Vec<u8>, slot: usize, lease: u32, operator: &Operator) {
+    put_number(out, slot as u64);
+    put_number(out, lease.into());
+    put_text(out, operator.name.as_bytes());
+    put_text(out, operator.device.as_bytes());
+}
+
+fn put_given(out: &mut Vec<u8>, given: Option<u64>) {
+    out.push(u8::from(given.is_some()));
+    if let Some(hash) = given {
+        out.extend_from_slice(&hash.to_le_bytes());
+    }
+}
+
+/// As JSON, behind its length in four bytes: so it is written in one go.
+pub(crate) fn put_settings(out: &mut Vec<u8>, settings: &Settings) {
+    let start = out.len();
+    out.extend_from_slice(&[0; 4]);
+    let written = serde_json::to_writer(&mut *out, settings);
+    debug_assert!(written.is_ok(), "settings are plain data: {written:?}");
+    let length = (out.len() - start - 4) as u32;
+    out[start..start + 4].copy_from_slice(&length.to_le_bytes());
+}
+
+impl Record {
+    /// The bytes of the record.
+    #[must_use]
+    pub fn encode(&self) -> Vec<u8> {
+        let mut out = Vec::new();
+        put_head(&mut out, self.tick);
+        for fact in &self.facts {
+            fact.put(&mut out);
+        }
+        out
+    }
+
+    /// The tick of a record, without reading its facts.
+    ///
+    /// # Errors
+    /// The bytes are none, or a later program wrote them.
+    pub fn tick_of(bytes: &[u8]) -> Result<u64, Malformed> {
+        let mut reader = Reader::new(bytes);
+        reader.version(VERSION)?;
+        reader.number("the tick")
+    }
+
+    /// Reads a record.
+    ///
+    /// # Errors
+    /// The bytes are none, or a later program wrote them. Whatever they are, nothing panics.
+    pub fn decode(bytes: &[u8]) -> Result<Self, Malformed> {
+        let mut reader = Reader::new(bytes);
+        reader.version(VERSION)?;
+        let tick = reader.number("the tick")?;
+        let mut facts = Vec::new();
+        while !reader.is_empty() {
+            facts.push(Fact::read(&mut reader)?);
+        }
+        Ok(Self { tick, facts })
+    }
+}
+
+impl Fact {
+    fn put(&self, out: &mut Vec<u8>) {
+        match self {
+            Self::Begun {
+                settings,
+                clay_epoch,
+                given,
+                ownership_epoch,
+                next_lease,
+            } => put_begun(
+                out,
+                settings,
+                *clay_epoch,
+                *given,
+                [*ownership_epoch, *next_lease],
+            ),
+            Self::GoneOn { ownership_epoch } => put_gone_on(out, *ownership_epoch),
+            Self::Cuts {
+                slot,
+                lease,
+                decided,
+                removed_units,
+                cuts,
+            } => put_cuts(
+                out,
+                &ToolCuts {
+                    slot: *slot,
+                    lease: *lease,
+                    decided: *decided,
+                    removed_units: *removed_units,
+                    cuts,
+                },
+            ),
+            Self::Told { revision, kind } => put_told(out, *revision, kind),
+        }
+    }
+
+    fn read(reader: &mut Reader<'_>) -> Result<Self, Malformed> {
+        let code = reader.byte("a fact")?;
+        match code {
+            BEGUN => {
+                let clay_epoch = reader.small("the clay's epoch")?;
+                let ownership_epoch = reader.small("the ownership epoch")?;
+                let next_lease = reader.small("the next lease")?;
+                Ok(Self::Begun {
+                    clay_epoch,
+                    ownership_epoch,
+                    next_lease,
+                    given: read_given(reader)?,
+                    settings: read_settings(reader)?,
+                })
+            }
+            GONE_ON => Ok(Self::GoneOn {
+                ownership_epoch: reader.small("the ownership epoch")?,
+            }),
+            CUTS => read_cuts(reader),
+            _ => Ok(Self::Told {
+                revision: reader.number("the revision")?,
+                kind: read_kind(code, reader)?,
+            }),
+        }
+    }
+}
+
+fn read_cuts(reader: &mut Reader<'_>) -> Result<Fact, Malformed> {
+    let slot = reader.small::<u8>("a slot")?.into();
+    let lease = reader.small("a lease")?;
+    let decided = reader.small("the last sweep decided")?;
+    let removed_units = reader.number("what was removed")?;
+    let count: usize = reader.small("the count of cuts")?;
+    // A cut has three bytes at least.
+    if reader.left() < 3 * count.min(reader.left() + 1) {
+        return Err(Malformed::Short { what: "cuts" });
+    }
+    let mut cuts: Vec<Cut> = Vec::with_capacity(count);
+    for _ in 0..count {
+        let from = match cuts.last() {
+            Some(before) if reader.byte("a cut")? == 0 => before.to.steps(),
+            _ => read_steps(reader)?,
+        };
+        let steps = read_steps(reader)?;
+        let to = std::array::from_fn(|axis| from[axis].wrapping_add(steps[axis]));
+        cuts.push(Cut {
+            from: Pose::from_steps(from),
+            to: Pose::from_steps(to),
+        });
+    }
+    Ok(Fact::Cuts {
+        slot,
+        lease,
+        decided,
+        removed_units,
+        cuts,
+    })
+}
+
+fn read_steps(reader: &mut Reader<'_>) -> Result<[i32; 3], Malformed> {
+    Ok([
+        reader.signed("a pose")?,
+        reader.signed("a pose")?,
+        reader.signed("a pose")?,
+    ])
+}
+
+fn read_kind(code: u8, reader: &mut Reader<'_>) -> Result<EventKind, Malformed> {
+    match code {
+        CHANGED => Ok(EventKind::Changed {
+            settings: read_settings(reader)?,
+        }),
+        FRESH_BLOCK => Ok(EventKind::FreshBlock {
+            clay_epoch: reader.small("the clay's epoch")?,
+            given: read_given(reader)?,
+            settings: read_settings(reader)?,
+        }),
+        EXCHANGED => {
+            let clay_epoch = reader.small("the clay's epoch")?;
+            let as_of_tick = reader.number("a tick")?;
+            let which = reader.byte("an exchange")?;
+            let stroke = reader.number("a stroke")?;
+            Ok(EventKind::Exchanged {
+                clay_epoch,
+                as_of_tick,
+                exchange: match which {
+                    0 => Exchange::Undone { stroke },
+                    1 => Exchange::UndoneSince { stroke },
+                    2 => Exchange::Redone { stroke },
+                    got => return Err(value("an exchange", got)),
+                },
+            })
+        }
+        TAKEN => {
+            let (slot, lease, operator) = read_holder(reader)?;
+            Ok(EventKind::Taken {
+                slot,
+                lease,
+                operator,
+            })
+        }
+        RELEASED => {
+            let (slot, lease, operator) = read_holder(reader)?;
+            Ok(EventKind::Released {
+                slot,
+                lease,
+                operator,
+                because: match reader.byte("a reason")? {
+                    0 => Release::Left,
+                    1 => Release::RanOut,
+                    2 => Release::TakenOver,
+                    got => return Err(value("a reason", got)),
+                },
+            })
+        }
+        CONNECTED => Ok(EventKind::Connected {
+            slot: read_slot(reader)?,
+        }),
+        DISCONNECTED => Ok(EventKind::Disconnected {
+            slot: read_slot(reader)?,
+        }),
+        FAULT => Ok(EventKind::Fault {
+            slot: read_slot(reader)?,
+            fault: read_fault(reader)?,
+        }),
+        got => Err(value("the kind of a fact", got)),
+    }
+}
+
+fn value(what: &'static str, got: u8) -> Malformed {
+    Malformed::Value {
+        what,
+        got: got.into(),
+    }
+}
+
+fn read_slot(reader: &mut Reader<'_>) -> Result<usize, Malformed> {
+    Ok(reader.small::<u8>("a slot")?.into())
+}
+
+pub(crate) fn read_fault(reader: &mut Reader<'_>) -> Result<Implausible, Malformed> {
+    let field = reader.byte("a field")?;
+    Ok(Implausible {
+        field: FIELDS
+            .get(usize::from(field))
+            .ok_or(value("a field", field))?,
+        flaw: match reader.byte("a flaw")? {
+            0 => Flaw::NotFinite,
+            1 => Flaw::TooLarge,
+            got => return Err(value("a flaw", got)),
+        },
+    })
+}
+
+pub(crate) fn read_holder(
+    reader: &mut Reader<'_>,
+) -> Result<(usize, u32, Arc<Operator>), Malformed> {
+    let slot = read_slot(reader)?;
+    let lease = reader.small("a lease")?;
+    let operator = Operator {
+        name: reader.string("an operator")?,
+        device: reader.string("a device")?,
+    };
+    Ok((slot, lease, Arc::new(operator)))
+}
+
+fn read_given(reader: &mut Reader<'_>) -> Result<Option<u64>, Malformed> {
+    match reader.byte("whether a block was given")? {
+        0 => Ok(None),
+        1 => {
+            let bytes = reader.slice(8, "a hash")?;
+            Ok(Some(u64::from_le_bytes(std::array::from_fn(|at| {
+                bytes[at]
+            }))))
+        }
+        got => Err(value("whether a block was given", got)),
+    }
+}
+
+/// Settings that are proven once more: bytes prove nothing.
+pub(crate) fn read_settings(reader: &mut Reader<'_>) -> Result<Arc<Settings>, Malformed> {
+    let length = reader.slice(4, "settings")?;
+    let length = u32::from_le_bytes(std::array::from_fn(|at| length[at]));
+    let text = reader.slice(length as usize, "settings")?;
+    let wrong = |why: String| Malformed::Text {
+        what: "settings",
+        why,
+    };
+    let settings: Settings =
+        serde_json::from_slice(text).map_err(|error| wrong(error.to_string()))?;
+    Settings::new(settings.spec.clone()).map_err(|error| wrong(error.detail))?;
+    Ok(Arc::new(settings))
+}

@@ -1,0 +1,190 @@
+//! Bytes of every kind: what was written is read, and whatever comes, nothing panics.
+
+#[path = "../../session/tests/bench/mod.rs"]
+mod bench;
+
+use std::sync::Arc;
+
+use bench::{new_session, setup};
+use proptest::prelude::*;
+use teleclay_clay::{Pose, Sweep, ToolShape};
+use teleclay_history::{Fact, Record, Recorder, Replay, State, content};
+use teleclay_link::replica::Cut;
+use teleclay_link::safety::{Flaw, Implausible};
+use teleclay_session::{EventKind, Exchange, Operator, Release, Session, Settings};
+
+fn operator() -> impl Strategy<Value = Arc<Operator>> {
+    (".{1,64}", ".{0,20}").prop_map(|(name, device)| Arc::new(Operator { name, device }))
+}
+
+fn settings() -> impl Strategy<Value = Arc<Settings>> {
+    (1..=8_u8, any::<u64>(), any::<bool>(), 0.0..0.5_f64).prop_map(
+        |(tools, revision, is_paused, deadband)| {
+            let mut settings = Settings::new(new_session(tools)).unwrap();
+            settings.revision = revision;
+            settings.is_paused = is_paused;
+            settings.spec.deadband = deadband;
+            Arc::new(settings)
+        },
+    )
+}
+
+fn kinds() -> impl Strategy<Value = EventKind> {
+    let slot = || 0..8_usize;
+    let exchange = (0..3_u8, any::<u64>()).prop_map(|(kind, stroke)| match kind {
+        0 => Exchange::Undone { stroke },
+        1 => Exchange::UndoneSince { stroke },
+        _ => Exchange::Redone { stroke },
+    });
+    let because = prop_oneof![
+        Just(Release::Left),
+        Just(Release::RanOut),
+        Just(Release::TakenOver)
+    ];
+    prop_oneof![
+        settings().prop_map(|settings| EventKind::Changed { settings }),
+        (settings(), any::<u32>(), any::<Option<u64>>()).prop_map(
+            |(settings, clay_epoch, given)| EventKind::FreshBlock {
+                settings,
+                clay_epoch,
+                given
+            }
+        ),
+        (any::<u32>(), exchange, any::<u64>()).prop_map(|(clay_epoch, exchange, as_of_tick)| {
+            EventKind::Exchanged {
+                clay_epoch,
+                exchange,
+                as_of_tick,
+            }
+        }),
+        (slot(), any::<u32>(), operator()).prop_map(|(slot, lease, operator)| EventKind::Taken {
+            slot,
+            lease,
+            operator
+        }),
+        (slot(), any::<u32>(), operator(), because).prop_map(|(slot, lease, operator, because)| {
+            EventKind::Released {
+                slot,
+                lease,
+                operator,
+                because,
+            }
+        }),
+        slot().prop_map(|slot| EventKind::Connected { slot }),
+        slot().prop_map(|slot| EventKind::Disconnected { slot }),
+        slot().prop_map(|slot| EventKind::Fault {
+            slot,
+            fault: Implausible {
+                field: "hand_force_n",
+                flaw: Flaw::TooLarge,
+            },
+        }),
+    ]
+}
+
+fn facts() -> impl Strategy<Value = Fact> {
+    let pose = || any::<[i32; 3]>().prop_map(Pose::from_steps);
+    let cuts = prop::collection::vec((pose(), pose(), any::<bool>()), 0..20).prop_map(|cuts| {
+        let mut row: Vec<Cut> = Vec::new();
+        for (from, to, follows) in cuts {
+            let before = row.last().map(|cut| cut.to).filter(|_| follows);
+            row.push(Cut {
+                from: before.unwrap_or(from),
+                to,
+            });
+        }
+        row
+    });
+    prop_oneof![
+        (0..8_usize, any::<u32>(), any::<u32>(), any::<u64>(), cuts).prop_map(
+            |(slot, lease, decided, removed_units, cuts)| Fact::Cuts {
+                slot,
+                lease,
+                decided,
+                removed_units,
+                cuts
+            }
+        ),
+        (settings(), any::<[u32; 3]>(), any::<Option<u64>>()).prop_map(
+            |(settings, [clay_epoch, ownership_epoch, next_lease], given)| Fact::Begun {
+                settings,
+                clay_epoch,
+                given,
+                ownership_epoch,
+                next_lease
+            }
+        ),
+        any::<u32>().prop_map(|ownership_epoch| Fact::GoneOn { ownership_epoch }),
+        (any::<u64>(), kinds()).prop_map(|(revision, kind)| Fact::Told { revision, kind }),
+    ]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 2000, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn what_is_written_is_read(tick: u64, facts in prop::collection::vec(facts(), 0..6)) {
+        let record = Record { tick, facts };
+        prop_assert_eq!(Record::tick_of(&record.encode()), Ok(tick));
+        prop_assert_eq!(Record::decode(&record.encode()), Ok(record));
+    }
+
+    #[test]
+    fn no_bytes_make_a_reader_panic(bytes in prop::collection::vec(any::<u8>(), 0..300)) {
+        let _ = Record::decode(&bytes);
+        let _ = content::decode(&bytes);
+        let _ = State::decode(&bytes);
+        let mut known = vec![1, 7];
+        known.extend(&bytes);
+        let _ = Record::decode(&known);
+    }
+
+    /// Nor a replay, whatever the records say.
+    #[test]
+    fn no_record_makes_a_replay_panic(
+        records in prop::collection::vec((any::<u64>(), prop::collection::vec(facts(), 1..4)), 1..8),
+    ) {
+        let session = Session::new(setup(new_session(3)));
+        let first = Recorder::new(3).begin(&session, None).to_vec();
+        let mut replay = Replay::begin(&first, Vec::new()).unwrap();
+        for (tick, facts) in records {
+            // A record that was damaged in a sensible place.
+            if replay.apply(&Record { tick, facts }.encode()).is_err() {
+                break;
+            }
+            replay.clay();
+        }
+    }
+}
+
+#[test]
+fn a_damaged_snapshot_is_refused_or_is_another_state_and_never_panics() {
+    let session = Session::new(setup(new_session(2)));
+    let first = Recorder::new(2).begin(&session, None).to_vec();
+    let mut state = Replay::begin(&first, Vec::new()).unwrap().state();
+    let at = Pose::quantise([0.016, 0.016, 0.016]).unwrap();
+    state.clay.carve(&Sweep {
+        shape: ToolShape::ball(0.0064).unwrap(),
+        from: at,
+        to: at,
+    });
+    let bytes = state.encode();
+    let mut again = State::decode(&bytes).unwrap();
+    assert_eq!(again.clay.hash(), state.clay.hash());
+    assert_eq!(again.session, state.session);
+    assert_eq!(again.encode(), bytes);
+    for at in 0..bytes.len() {
+        for bit in 0..8 {
+            let mut damaged = bytes.clone();
+            damaged[at] ^= 1 << bit;
+            let _ = State::decode(&damaged);
+        }
+        assert!(State::decode(&bytes[..at]).is_err());
+    }
+    let newer = [&[2_u8][..], &bytes[1..]].concat();
+    let refusal = State::decode(&newer).unwrap_err().to_string();
+    assert_eq!(
+        refusal,
+        "version 2 is newer than 1, the newest that this program reads"
+    );
+}
