@@ -12,6 +12,8 @@ use std::time::Duration;
 use rtrb::{Consumer, Producer, RingBuffer};
 use teleclay_bilateral::{ToolSide, ToolView};
 use teleclay_clay::{BrickView, Clay};
+use teleclay_keeping::Keeper;
+use teleclay_keeping::keeper::Outbox;
 use teleclay_link::arrivals::ArrivalCounts;
 use teleclay_link::time::Timestamp;
 use teleclay_proto::frame::{HandleFrame, ToolFrame};
@@ -92,6 +94,8 @@ pub(crate) struct ToolRecord {
     pub(crate) view: ToolView,
     pub(crate) coordination_m: f64,
     pub(crate) rtt_s: Option<f64>,
+    /// Sweeps that are in the clay, and of these on disk.
+    pub(crate) sweeps: [u32; 2],
 }
 
 /// A changed brick on its way to the mirror.
@@ -116,6 +120,9 @@ pub(crate) enum BrickContent {
 pub(crate) struct Running {
     number: u32,
     session: Session,
+    /// Writes its history, where one is kept.
+    keeper: Option<Keeper>,
+    events: Outbox,
     frames_sent: u64,
     frames: Consumer<Incoming>,
     bricks: Producer<BrickUpdate>,
@@ -128,12 +135,18 @@ pub(crate) struct RunningEnds {
 }
 
 impl Running {
-    pub(crate) fn new(number: u32, session: Session) -> (Box<Self>, RunningEnds) {
+    pub(crate) fn new(
+        number: u32,
+        session: Session,
+        keeper: Option<Keeper>,
+    ) -> (Box<Self>, RunningEnds) {
         let (frames_in, frames_out) = RingBuffer::new(FRAMES_WAITING);
         let (bricks_in, bricks_out) = RingBuffer::new(BRICKS_WAITING);
         let running = Self {
             number,
             session,
+            keeper,
+            events: Outbox::default(),
             frames_sent: 0,
             frames: frames_out,
             bricks: bricks_in,
@@ -290,10 +303,6 @@ impl Machine for Engine {
         } else {
             Answer::Undone
         };
-        // What an order has changed is told before the order is known to be done.
-        for running in &mut self.running {
-            tell_events(&mut running.session, running.number, &mut self.events);
-        }
         Done::Order(order)
     }
 
@@ -304,6 +313,8 @@ impl Machine for Engine {
             let Running {
                 number,
                 session,
+                keeper,
+                events,
                 frames_sent,
                 frames,
                 bricks,
@@ -323,7 +334,19 @@ impl Machine for Engine {
                 };
                 overflowed += u64::from(self.outgoing.push(outgoing).is_err());
             }
-            tell_events(session, *number, &mut self.events);
+            // What orders have changed since the last tick is among these.
+            {
+                let fresh = events.take_from(session);
+                if let Some(keeper) = keeper {
+                    keeper.on_tick(session, fresh);
+                }
+            }
+            while 0 < self.events.slots()
+                && let Some(event) = events.pop()
+            {
+                // There is room, see above.
+                let _ = self.events.push((*number, event));
+            }
             while 0 < out.room_to_retire()
                 && let Some(side) = session.poll_retired()
             {
@@ -352,15 +375,6 @@ impl Machine for Engine {
     }
 }
 
-fn tell_events(session: &mut Session, number: u32, events: &mut Producer<(u32, Event)>) {
-    while 0 < events.slots()
-        && let Some(event) = session.poll_event()
-    {
-        // There is room, see above.
-        let _ = events.push((number, event));
-    }
-}
-
 fn record(session: &Session, number: u32, frames_sent: u64, now: Timestamp) -> SessionRecord {
     let mut record = SessionRecord {
         session: number,
@@ -380,6 +394,7 @@ fn record(session: &Session, number: u32, frames_sent: u64, now: Timestamp) -> S
             view: side.view(),
             coordination_m: side.coordination_m(),
             rtt_s: side.round_trip().last().map(|rtt| rtt.as_secs_f64()),
+            sweeps: [side.frame().sweeps_acknowledged, side.frame().sweeps_durable],
         });
     }
     record

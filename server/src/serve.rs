@@ -9,6 +9,7 @@ use anyhow::Context as _;
 use teleclay_doors::audit::Audit;
 use teleclay_doors::{Identity, Invites};
 use teleclay_front::Security;
+use teleclay_keeping::Home;
 use teleclay_proto::SessionId;
 use teleclay_proto::http::{ClayShape, ClaySpec, NewSession, ToolDescription};
 use teleclay_shell::Clock;
@@ -44,6 +45,7 @@ pub struct Server {
     directory: Directory,
     network: Network,
     follows: Option<JoinHandle<()>>,
+    looks_after: JoinHandle<()>,
     // Field order is drop order: first the tick, then who empties its rings.
     ticker: Ticker,
     _collector: Collector,
@@ -105,6 +107,7 @@ impl Server {
             notices,
             node: settings.node.clone(),
             doors: Arc::clone(&doors),
+            home: open_home(&settings)?,
             slow_endpoint: Some(settings.zenoh_slow.to_string()),
         });
         let config = TickerConfig {
@@ -116,7 +119,12 @@ impl Server {
         let ticker = realtime.spawn(config)?;
         directory.set_scheduler(ticker.scheduler());
         tracing::info!(scheduler = ticker.scheduler(), "the loop runs at 1 kHz");
-        if settings.demo_session {
+        directory
+            .recover(clock)
+            .await
+            .with_context(|| format!("data folder {}", settings.data_dir.display()))?;
+        let has_demo = directory.session(&demo_id()).is_some();
+        if settings.demo_session && !has_demo {
             directory
                 .create(demo_session())
                 .await
@@ -153,6 +161,8 @@ impl Server {
             },
         );
         let (stop, mut stopped) = watch::channel(false);
+        let looks_after = directory.clone();
+        let looks_after = tokio::spawn(async move { looks_after.look_after_archives().await });
         let follows = security.clone().map(|security| {
             let source = settings.certificate.clone();
             tokio::spawn(source.follow(security))
@@ -168,6 +178,7 @@ impl Server {
             address,
             page,
             follows,
+            looks_after,
             directory,
             network,
             ticker,
@@ -193,7 +204,13 @@ impl Server {
         let _ = self.stop.send(true);
         self.http.abort();
         self.follows.iter().for_each(JoinHandle::abort);
+        self.looks_after.abort();
         self.network.close().await;
+        // No tick any more, so nothing more to keep.
+        drop(self.ticker);
+        let directory = self.directory.clone();
+        // It fails only where the runtime ends.
+        let _ = tokio::task::spawn_blocking(move || directory.end_archives()).await;
         let doors = Arc::clone(self.directory.doors());
         // It fails only where the runtime ends.
         let _ = tokio::task::spawn_blocking(move || doors.settle(LAST_WORDS_WITHIN)).await;
@@ -235,6 +252,15 @@ fn names_told(settings: &Settings) -> Vec<String> {
         told.push(settings.listen.ip().to_string());
     }
     told
+}
+
+/// Where sessions are kept, if they are.
+fn open_home(settings: &Settings) -> anyhow::Result<Option<Arc<Home>>> {
+    if settings.is_ephemeral {
+        return Ok(None);
+    }
+    let home = Home::open(&settings.data_dir).context("the sessions that are kept")?;
+    Ok(Some(Arc::new(home)))
 }
 
 /// Doors that are as wide as the settings say, and where it is written down who comes.
@@ -296,9 +322,13 @@ fn in_url(host: &str) -> String {
     }
 }
 
+fn demo_id() -> SessionId {
+    SessionId::new(DEMO).expect("a constant name is valid")
+}
+
 /// The session that a server starts with: a block, a ball, the scheme that is the default.
 fn demo_session() -> NewSession {
-    let id = SessionId::new(DEMO).expect("a constant name is valid");
+    let id = demo_id();
     NewSession {
         clay: ClaySpec {
             shape: ClayShape::default(),

@@ -4,6 +4,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard};
 
 use teleclay_clay::Clay;
+use teleclay_keeping::Archive;
 use teleclay_proto::SessionId;
 use teleclay_proto::watch::{Level, TelemetrySample};
 use teleclay_session::{EventKind, Exchange, Settings, Snapshot};
@@ -53,6 +54,8 @@ pub(crate) struct SessionShared {
     pub(crate) mirror: Mutex<Mirror>,
     /// How holders of tools are told from everybody else.
     pub(crate) channels: Channels,
+    /// Its history, where one is kept.
+    pub(crate) archive: Option<Archive>,
     /// Held by whoever prepares a command: prepared one after the other, none is overtaken by another.
     pub(crate) preparing: tokio::sync::Mutex<()>,
     /// Ticks at the last record; apart from the statistics, so that whoever holds those can tell the time.
@@ -62,7 +65,12 @@ pub(crate) struct SessionShared {
 }
 
 impl SessionShared {
-    pub(crate) fn new(number: u32, snapshot: Snapshot, mirror: Clay) -> Self {
+    pub(crate) fn new(
+        number: u32,
+        snapshot: Snapshot,
+        mirror: Clay,
+        archive: Option<Archive>,
+    ) -> Self {
         let spec = &snapshot.settings.spec;
         Self {
             id: spec.id.clone(),
@@ -75,6 +83,7 @@ impl SessionShared {
             snapshot: Mutex::new(snapshot),
             stats: Mutex::new(SessionStats::new()),
             channels: Channels::default(),
+            archive,
             preparing: tokio::sync::Mutex::default(),
             ticks: AtomicU64::new(0),
             telemetry: broadcast::channel(SAMPLES_KEPT).0,

@@ -35,12 +35,15 @@ pub struct Arguments {
     /// tcp/127.0.0.1:7547)
     #[arg(long, value_name = "PROTOCOL/ADDRESS:PORT")]
     zenoh_listen: Option<String>,
-    /// A folder for the server's data: its authority, invites, the audit log (default: a folder of the user's)
+    /// A folder for the server's data: sessions, its authority, invites, the audit log (default: a folder of the user's)
     #[arg(long, value_name = "DIR")]
     data_dir: Option<PathBuf>,
     /// A TOML file with the same settings, e.g. `listen = "127.0.0.1:9000"`
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
+    /// Keep nothing: sessions end with the process
+    #[arg(long)]
+    ephemeral: bool,
     /// Start without the session `demo`
     #[arg(long)]
     no_demo_session: bool,
@@ -107,6 +110,7 @@ struct Raw {
     zenoh_listen: String,
     data_dir: Option<PathBuf>,
     demo_session: bool,
+    ephemeral: bool,
     realm: String,
     node: String,
     token: Option<String>,
@@ -126,6 +130,7 @@ impl Default for Raw {
             zenoh_listen: "tcp/127.0.0.1:7547".to_owned(),
             data_dir: None,
             demo_session: true,
+            ephemeral: false,
             realm: "local".to_owned(),
             node: "local".to_owned(),
             token: None,
@@ -157,8 +162,10 @@ pub struct Settings {
     pub is_https: bool,
     /// Names and addresses by which others reach the server, as it was told.
     pub hosts: Vec<String>,
-    /// Whether to make the session `demo`.
+    /// Whether to make the session `demo`, if it is not there.
     pub demo_session: bool,
+    /// Whether sessions end with the process.
+    pub is_ephemeral: bool,
     /// Name of the realm on Zenoh.
     pub realm: RealmName,
     /// Name of this server.
@@ -179,11 +186,12 @@ const LEAST_TOKEN: usize = 16;
 const MOST_SPIN_US: u64 = 900;
 
 /// Settings that a variable `TELECLAY_…` may give, beside the token.
-const FROM_ENVIRONMENT: [&str; 13] = [
+const FROM_ENVIRONMENT: [&str; 14] = [
     "listen",
     "zenoh_listen",
     "data_dir",
     "demo_session",
+    "ephemeral",
     "realm",
     "node",
     "allow_origins",
@@ -244,6 +252,7 @@ impl Settings {
         }
         raw.hosts.splice(0..0, arguments.hosts.iter().cloned());
         raw.without_tls |= arguments.without_tls;
+        raw.ephemeral |= arguments.ephemeral;
         raw.demo_session &= !arguments.no_demo_session;
         raw.allow_origins
             .extend(arguments.allow_origins.iter().cloned());
@@ -304,6 +313,7 @@ impl Settings {
             hosts: raw.hosts,
             data_dir: raw.data_dir.map_or_else(default_data_dir, Ok)?,
             demo_session: raw.demo_session,
+            is_ephemeral: raw.ephemeral,
             realm: RealmName::new(raw.realm).context("realm")?,
             node: NodeName::new(raw.node).context("node")?,
             token: raw.token,

@@ -2,9 +2,10 @@
 
 use std::sync::Mutex;
 
+use teleclay_keeping::Storage;
 use teleclay_proto::frame::Corrections;
 use teleclay_proto::http::{
-    ClayHash, ClayShape, ClayState, CorrectionsState, LoopState, Session, SessionState, ToolState,
+    ClayHash, ClayShape, ClayState, CorrectionsState, LoopState, Session, SessionState, StorageReport, StorageState, ToolState,
 };
 use teleclay_session::Snapshot;
 
@@ -90,6 +91,7 @@ pub(crate) fn session(
         tool: settings.spec.tool,
         deadband: settings.parameters.deadband,
         tools: tools(&snapshot, record),
+        storage: storage(shared, snapshot.revision),
         position_ratio: settings.parameters.position_ratio,
         coordination_m,
         control_loop: LoopState {
@@ -108,6 +110,30 @@ pub(crate) fn session(
             energy_j,
             scheduler: scheduler.to_owned(),
         },
+    }
+}
+
+/// What has become of its history.
+fn storage(shared: &SessionShared, revision: u64) -> StorageReport {
+    let Some(archive) = &shared.archive else {
+        return StorageReport {
+            state: StorageState::Ephemeral,
+            durable_revision: 0,
+            bytes: 0,
+            reason: None,
+        };
+    };
+    let durable_revision = archive.durable_revision().min(revision);
+    let (state, reason) = match archive.storage() {
+        Storage::Failed { reason } => (StorageState::Failed, Some(reason)),
+        Storage::Durable if durable_revision == revision => (StorageState::Durable, None),
+        Storage::Durable | Storage::Behind => (StorageState::Behind, None),
+    };
+    StorageReport {
+        state,
+        durable_revision,
+        bytes: archive.bytes(),
+        reason,
     }
 }
 
@@ -146,6 +172,7 @@ fn tools(snapshot: &Snapshot, record: &SessionRecord) -> Vec<ToolState> {
             let lease = holder.map(|holder| holder.lease);
             let told = record.tools[slot].filter(|told| Some(told.lease) == lease);
             let view = told.map(|told| told.view).unwrap_or_default();
+            let [sweeps_acknowledged, sweeps_durable] = told.map_or([0; 2], |told| told.sweeps);
             ToolState {
                 id: tool_id(slot),
                 operator: holder.map_or_else(String::new, |holder| holder.operator.name.clone()),
@@ -160,6 +187,8 @@ fn tools(snapshot: &Snapshot, record: &SessionRecord) -> Vec<ToolState> {
                 hidden_force_n: view.hidden_force_n,
                 sweeps_refused: view.sweeps_refused,
                 refusal: view.refusal,
+                sweeps_acknowledged,
+                sweeps_durable,
                 corrections: corrections(&view.corrections),
             }
         })

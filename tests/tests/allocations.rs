@@ -95,13 +95,21 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
+fn zenoh(port: u16) -> Endpoint {
+    format!("tcp/127.0.0.1:{port}").parse().unwrap()
+}
+
 fn settings(ports: Ports, data_dir: std::path::PathBuf) -> Settings {
     Settings {
         listen: SocketAddr::from(([127, 0, 0, 1], ports.http)),
-        zenoh_control: format!("tcp/127.0.0.1:{}", ports.zenoh),
-        zenoh_slow: format!("tcp/127.0.0.1:{}", ports.zenoh + 1),
+        zenoh_control: zenoh(ports.zenoh),
+        zenoh_slow: zenoh(ports.zenoh + 1),
         data_dir,
+        certificate: Source::Own,
+        is_https: false,
+        hosts: Vec::new(),
         demo_session: true,
+        is_ephemeral: false,
         realm: RealmName::new("local").unwrap(),
         node: NodeName::new("local").unwrap(),
         token: None,

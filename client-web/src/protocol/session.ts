@@ -84,6 +84,8 @@ const toolState = v.object({
   hidden_force_n: vector,
   sweeps_refused: v.number(),
   refusal: v.picklist(REFUSALS),
+  sweeps_acknowledged: v.number(),
+  sweeps_durable: v.number(),
   corrections: v.object({
     count: v.number(),
     moved_n: v.number(),
@@ -121,6 +123,12 @@ export const sessionSchema: v.GenericSchema<unknown, Session> = v.object({
   tools: v.array(toolState),
   position_ratio: v.number(),
   coordination_m: v.number(),
+  storage: v.object({
+    state: v.picklist(["durable", "behind", "failed", "ephemeral"]),
+    durable_revision: v.number(),
+    bytes: v.number(),
+    reason: v.nullable(v.string()),
+  }),
   loop: v.object({
     rate_hz: v.number(),
     ticks: v.number(),

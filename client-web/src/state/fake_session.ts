@@ -23,10 +23,12 @@ export function fakeSession(change: Partial<Session> = {}): Session {
     tools: [{
       id: 1, operator: "Ada", connected: true, position_m: [0, 0, 0], force_n: [0, 0, 0], handle_position_m: [0, 0, 0],
       felt_force_n: [0, 0, 0], hand_force_n: [0, 0, 0], home_m: [0, 0, 0], copy: "none", hidden_force_n: [0, 0, 0], sweeps_refused: 0, refusal: "none",
+      sweeps_acknowledged: 0, sweeps_durable: 0,
       corrections: { count: 0, moved_n: 0, held_n: [0, 0, 0], largest_step_n: 0, injected_j: 0, tank_j: 0 },
     }],
     position_ratio: 1,
     coordination_m: 0,
+    storage: { state: "durable", durable_revision: 0, bytes: 0, reason: null },
     loop: {
       rate_hz: 1000, ticks: 0, late_ticks: 0, tick_s: { p50: 0, p99: 0, p999: 0, max: 0 }, rtt_s: { p50: 0, p99: 0 },
       age_s: { p50: 0, p99: 0 }, lost: 0, duplicates: 0, reordered: 0, unheard: 0, packets_up_per_s: 1000, packets_down_per_s: 1000,

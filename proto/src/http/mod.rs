@@ -28,7 +28,7 @@ pub use patch::{
 pub use problem::Problem;
 pub use session::{
     ClayState, CorrectionsState, LoopState, MAX_TOOLS, NewSession, Quantiles, Session,
-    SessionState, TickQuantiles, ToolState,
+    SessionState, StorageReport, StorageState, TickQuantiles, ToolState,
 };
 
 pub use crate::{Axes, Material, NodeName, Scheme, SessionId, ToolDescription};

@@ -130,9 +130,42 @@ pub struct Session {
     /// Greatest distance between a tool and where its handle would have it, m: both at the instant at which the handle
     /// sent its newest frame. With a delay that is the way that the hand makes meanwhile, and more.
     pub coordination_m: f64,
+    /// What has become of the session's history on disk.
+    pub storage: StorageReport,
     /// The loop and its link.
     #[serde(rename = "loop")]
     pub control_loop: LoopState,
+}
+
+/// What has become of a session's history on disk.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct StorageReport {
+    /// In a word.
+    pub state: StorageState,
+    /// Changes up to this revision outlive the process.
+    pub durable_revision: u64,
+    /// What the history takes on disk, bytes, as of a moment ago.
+    pub bytes: u64,
+    /// Why the disk does not take it; `null` where it does.
+    #[schema(required)]
+    pub reason: Option<String>,
+}
+
+words! {
+    /// What has become of a session's history, in a word.
+    #[derive(ToSchema)]
+    #[schema(rename_all = "snake_case")]
+    pub enum StorageState: "storage state" {
+        /// All of it is on disk.
+        Durable "durable",
+        /// The last moments are on their way.
+        Behind "behind",
+        /// The disk does not take it: nothing is cut until it does.
+        Failed "failed",
+        /// The server keeps nothing.
+        Ephemeral "ephemeral",
+    }
 }
 
 words! {
@@ -218,6 +251,10 @@ pub struct ToolState {
     pub sweeps_refused: u32,
     /// Why the newest of these was not taken; `none` where every one was.
     pub refusal: SweepRefusal,
+    /// Number of the operator's newest sweep that is in the clay with all before it; 0 in schemes without a copy.
+    pub sweeps_acknowledged: u32,
+    /// Likewise, and on disk: the handle need not remember those.
+    pub sweeps_durable: u32,
     /// What corrections of the copy have done to the hand.
     pub corrections: CorrectionsState,
 }

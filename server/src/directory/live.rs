@@ -196,7 +196,11 @@ impl Live {
         let _one_at_a_time = self.shared.preparing.lock().await;
         for _ in 1..PREPARATIONS {
             match self.try_to_carry_out(command.clone()).await {
-                Err(ChangeError::Refused(Refusal::Overtaken { .. })) => {}
+                Err(ChangeError::Refused(
+                    Refusal::Overtaken { .. }
+                    | Refusal::OtherClay { .. }
+                    | Refusal::CutMeanwhile { .. },
+                )) => {}
                 done => return done,
             }
         }

@@ -12,6 +12,9 @@ use std::time::Duration;
 
 use rtrb::Producer;
 use teleclay_channel::Channel;
+use teleclay_clay::Clay;
+use teleclay_keeping::{Archive, Home, HomeError, Keeper, Storage};
+use teleclay_link::time::Timestamp;
 use teleclay_proto::http::{FieldError, NewSession, Readiness, Session as SessionJson, parse};
 use teleclay_proto::join::{
     ChallengeReply, ChallengeRequest, Granted, JoinReply, JoinRequest, RefusalCode, SealedJoin,
@@ -20,6 +23,7 @@ use teleclay_proto::join::{
 use teleclay_proto::watch::Level;
 use teleclay_proto::{NodeName, PROTOCOL, SessionId};
 use teleclay_session::{Rules, Session, SessionSetup, Settings};
+use teleclay_shell::Clock;
 use tokio::sync::watch;
 
 use crate::collector::{Notice, notify};
@@ -35,6 +39,9 @@ use orders::Orders;
 
 /// The loop is called running when it ticked within this time.
 const LOOP_ALIVE: Duration = Duration::from_secs(1);
+/// How often it is asked whether disks fail, and after how many of these rounds more is done for them.
+const LOOK_EVERY: Duration = Duration::from_millis(250);
+const ROUNDS_A_LOOK_AFTER: u64 = 20;
 
 /// Why a session was not made.
 #[derive(Debug, thiserror::Error)]
@@ -84,6 +91,7 @@ struct Inner {
     first_lease: u32,
     node: NodeName,
     doors: Arc<Doors>,
+    home: Option<Arc<Home>>,
     slow_endpoint: Option<String>,
 }
 
@@ -99,6 +107,8 @@ pub(crate) struct Parts {
     pub(crate) notices: Sender<Notice>,
     pub(crate) node: NodeName,
     pub(crate) doors: Arc<Doors>,
+    /// Where sessions are kept, if they are.
+    pub(crate) home: Option<Arc<Home>>,
     pub(crate) slow_endpoint: Option<String>,
 }
 
@@ -119,6 +129,7 @@ impl Directory {
             first_lease,
             node: parts.node,
             doors: parts.doors,
+            home: parts.home,
             slow_endpoint: parts.slow_endpoint,
         }))
     }
@@ -163,35 +174,64 @@ impl Directory {
     /// The name is taken, there are too many, a field cannot be, or the loop does not answer.
     pub async fn create(&self, new: NewSession) -> Result<SessionJson, CreateError> {
         self.0.find_room(&new.id)?;
-        let settings = Settings::new(new.clone()).map_err(CreateError::Field)?;
+        let settings = Settings::new(new).map_err(CreateError::Field)?;
+        let (home, first_lease) = (self.0.home.clone(), self.0.first_lease);
         // A large block takes seconds.
-        let built = tokio::task::spawn_blocking(move || {
-            let block = settings.fresh_block()?;
-            Ok::<_, FieldError>((settings, block.clone(), block))
-        });
-        let (settings, mirror, clay) = built
-            .await
-            .map_err(|error| CreateError::Unavailable {
-                reason: error.to_string(),
-            })?
-            .map_err(|error| CreateError::Field(error.under("/clay")))?;
-        let session = Session::new(SessionSetup {
-            lines: settings.lines(),
-            settings,
-            clay,
-            rules: Rules::default(),
-            first_lease: self.0.first_lease,
-            ownership_epoch: 1,
-        });
+        let built = tokio::task::spawn_blocking(move || begin(settings, home, first_lease));
+        self.add(built.await.map_err(unavailable)??).await
+    }
+
+    /// Goes on with the sessions that an earlier server has kept. One that cannot be gone on with is set aside with its
+    /// reason, and the others begin.
+    ///
+    /// # Errors
+    /// The folder of sessions cannot be read.
+    pub(crate) async fn recover(&self, clock: Clock) -> Result<(), HomeError> {
+        let Some(home) = &self.0.home else {
+            return Ok(());
+        };
+        for id in home.names()? {
+            let (home, name) = (Arc::clone(home), id.clone());
+            let recovered = tokio::task::spawn_blocking(move || {
+                let now = Timestamp::from_nanos(clock.now_ns());
+                home.recover(&name, now).map(|(session, keeper, archive)| Begun {
+                    mirror: session.clay().clone(),
+                    session,
+                    kept: Some((keeper, archive)),
+                })
+            });
+            let added = match recovered.await {
+                Ok(Ok(begun)) => self.add(begun).await.map(drop).map_err(|error| error.to_string()),
+                Ok(Err(error)) => Err(error.to_string()),
+                Err(error) => Err(error.to_string()),
+            };
+            match added {
+                Ok(()) => tracing::info!(session = %id, "goes on"),
+                Err(reason) => tracing::error!(session = %id, "is set aside as it is: {reason}"),
+            }
+        }
+        Ok(())
+    }
+
+    /// Lets a session run.
+    async fn add(&self, begun: Begun) -> Result<SessionJson, CreateError> {
+        let Begun {
+            session,
+            mirror,
+            kept,
+        } = begun;
+        let id = session.settings().spec.id.clone();
+        let (keeper, archive) = kept.unzip();
         let number = self.0.next_number.fetch_add(1, Ordering::Relaxed);
-        let shared = Arc::new(SessionShared::new(number, session.snapshot(), mirror));
-        let (running, ends) = Running::new(number, session);
+        let snapshot = session.snapshot();
+        let shared = Arc::new(SessionShared::new(number, snapshot, mirror, archive));
+        let (running, ends) = Running::new(number, session, keeper);
         let live = Live::new(Arc::clone(&shared), Arc::downgrade(&self.0));
         {
             let mut sessions = self.0.entries();
-            find_room(&sessions, &new.id)?;
+            find_room(&sessions, &id)?;
             sessions.insert(
-                new.id.clone(),
+                id.clone(),
                 Entry {
                     live: live.clone(),
                     frames: Arc::new(Mutex::new(ends.frames)),
@@ -201,7 +241,7 @@ impl Directory {
         notify(&self.0.notices, Notice::Added(shared, ends.bricks));
         let added = self.0.orders.carry_out(Task::Add(Some(running))).await;
         if !matches!(added, Ok(Answer::Done)) {
-            self.0.entries().remove(&new.id);
+            self.0.entries().remove(&id);
             notify(&self.0.notices, Notice::Removed(number));
             return Err(CreateError::Unavailable {
                 reason: ChangeError::Timeout.to_string(),
@@ -229,7 +269,40 @@ impl Directory {
             removed: None,
         };
         let _ = self.0.orders.carry_out(remove).await;
+        if let Some(home) = self.0.home.clone() {
+            let (live, id) = (entry.live.clone(), id.clone());
+            let removed = tokio::task::spawn_blocking(move || {
+                live.shared.archive.iter().for_each(Archive::end);
+                home.remove(&id)
+            });
+            if let Ok(Err(error)) = removed.await {
+                tracing::error!(%error, "the files of a deleted session cannot be removed");
+            }
+        }
         Ok(())
+    }
+
+    /// Writes what waits of every session, and ends that.
+    pub(crate) fn end_archives(&self) {
+        for live in self.lives() {
+            live.shared.archive.iter().for_each(Archive::end);
+        }
+    }
+
+    /// Makes snapshots where they are due, and tells when a disk begins to fail or works again.
+    pub(crate) async fn look_after_archives(&self) {
+        let mut failing: HashMap<u32, String> = HashMap::new();
+        let mut every = tokio::time::interval(LOOK_EVERY);
+        every.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
+        for round in 0_u64.. {
+            every.tick().await;
+            for live in self.lives() {
+                tell_storage(&live, &mut failing);
+                if round.is_multiple_of(ROUNDS_A_LOOK_AFTER) {
+                    look_after(live).await;
+                }
+            }
+        }
     }
 
     /// Whether the loop runs and Zenoh is up.
@@ -389,6 +462,80 @@ impl Inner {
 
     fn scheduler(&self) -> &str {
         self.scheduler.get().map_or("not known yet", String::as_str)
+    }
+}
+
+/// A session that can run.
+struct Begun {
+    session: Session,
+    /// The watchers' clay.
+    mirror: Clay,
+    kept: Option<(Keeper, Archive)>,
+}
+
+fn begin(
+    settings: Settings,
+    home: Option<Arc<Home>>,
+    first_lease: u32,
+) -> Result<Begun, CreateError> {
+    let id = settings.spec.id.clone();
+    if home.as_ref().is_some_and(|home| home.has(&id)) {
+        // One that was set aside keeps its name.
+        return Err(CreateError::Exists { id });
+    }
+    let clay = settings
+        .fresh_block()
+        .map_err(|error| CreateError::Field(error.under("/clay")))?;
+    let mirror = clay.clone();
+    let mut session = Session::new(SessionSetup {
+        lines: settings.lines(),
+        settings,
+        clay,
+        rules: Rules::default(),
+        first_lease,
+        ownership_epoch: 1,
+    });
+    let kept = home.map(|home| home.begin(&mut session)).transpose();
+    Ok(Begun {
+        kept: kept.map_err(unavailable)?,
+        session,
+        mirror,
+    })
+}
+
+fn unavailable(error: impl std::fmt::Display) -> CreateError {
+    CreateError::Unavailable {
+        reason: error.to_string(),
+    }
+}
+
+/// Tells watchers and the log when the disk of a session begins to fail, and when it works again.
+fn tell_storage(live: &Live, failing: &mut HashMap<u32, String>) {
+    let Some(archive) = &live.shared.archive else {
+        return;
+    };
+    let number = live.shared.number;
+    match archive.storage() {
+        Storage::Failed { reason } if failing.get(&number) != Some(&reason) => {
+            let words = format!("storage.failed: {reason}; nothing is cut until it can be kept");
+            live.shared.emit(Level::Error, words);
+            failing.insert(number, reason);
+        }
+        Storage::Durable if failing.remove(&number).is_some() => {
+            live.shared.emit(Level::Info, "the disk works again, and all is kept".to_owned());
+        }
+        Storage::Failed { .. } | Storage::Durable | Storage::Behind => {}
+    }
+}
+
+async fn look_after(live: Live) {
+    let id = live.id().clone();
+    let looked = tokio::task::spawn_blocking(move || {
+        live.shared.archive.as_ref().map(Archive::look_after)
+    });
+    // It is not joined only where the server ends.
+    if let Ok(Some(Err(error))) = looked.await {
+        tracing::warn!(session = %id, "no snapshot of its history: {error}");
     }
 }
 

@@ -59,6 +59,7 @@ impl Rig {
             hosts: Vec::new(),
             data_dir: PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(folder),
             demo_session: false,
+            is_ephemeral: true,
             node: NodeName::new("api-tests").unwrap(),
             token: None,
             allow_origins: Vec::new(),

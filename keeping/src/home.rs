@@ -1,0 +1,238 @@
+//! The folder of all sessions.
+//!
+//! ```text
+//! DATA/sessions/lock             locked by the server that runs
+//! DATA/sessions/version          1
+//! DATA/sessions/of/<session>/    a journal each
+//! ```
+
+use std::fs::{self, File, OpenOptions, TryLockError};
+use std::io;
+use std::path::{Path, PathBuf};
+
+use teleclay_history::Recorder;
+use teleclay_journal::{Disk, OpenError, Policy, ReadError, Reader, Writer, start};
+use teleclay_link::time::Timestamp;
+use teleclay_proto::SessionId;
+use teleclay_session::{Rules, Session};
+
+use crate::archive::Archive;
+use crate::keeper::Keeper;
+use crate::past::{PastError, state_of};
+
+/// What is written, and the newest that is read.
+const VERSION: u32 = 1;
+/// What stands before the name of a folder that is being removed.
+const GOING: &str = "-";
+
+/// Why sessions cannot be kept, or not gone on with.
+#[derive(Debug, thiserror::Error)]
+pub enum HomeError {
+    /// A file or folder.
+    #[error("{}: {source}", path.display())]
+    File {
+        /// Which.
+        path: PathBuf,
+        /// What the system says.
+        source: io::Error,
+    },
+    /// Another server runs on the folder.
+    #[error("another server keeps its sessions in {}: give this one another --data-dir, or --ephemeral", path.display())]
+    InUse {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// A later program wrote it.
+    #[error("{} was written by a later version of this program ({got}, and this one reads up to {VERSION})", path.display())]
+    Newer {
+        /// The folder.
+        path: PathBuf,
+        /// Its version.
+        got: u32,
+    },
+    /// The journal cannot be written on.
+    #[error(transparent)]
+    Journal(#[from] OpenError),
+    /// The journal cannot be read.
+    #[error(transparent)]
+    Read(#[from] ReadError),
+    /// What it tells makes no session.
+    #[error(transparent)]
+    Past(#[from] PastError),
+}
+
+/// The sessions of one data folder, and the right to write them.
+#[derive(Debug)]
+pub struct Home {
+    folder: PathBuf,
+    policy: Policy,
+    /// Held for as long as the server runs.
+    _lock: File,
+}
+
+impl Home {
+    /// Takes the folder into use; makes it where it is missing.
+    ///
+    /// # Errors
+    /// Another server has it, a later one has written it, or the system refuses.
+    pub fn open(data: &Path) -> Result<Self, HomeError> {
+        let sessions = data.join("sessions");
+        let folder = sessions.join("of");
+        fs::create_dir_all(&folder).map_err(at(&folder))?;
+        let path = sessions.join("lock");
+        let lock = OpenOptions::new()
+            .create(true)
+            .truncate(false)
+            .write(true)
+            .open(&path)
+            .map_err(at(&path))?;
+        lock.try_lock().map_err(|error| match error {
+            TryLockError::WouldBlock => HomeError::InUse {
+                path: sessions.clone(),
+            },
+            TryLockError::Error(source) => HomeError::File {
+                path: path.clone(),
+                source,
+            },
+        })?;
+        check_version(&sessions)?;
+        let home = Self {
+            folder,
+            policy: Policy::default(),
+            _lock: lock,
+        };
+        home.sweep()?;
+        Ok(home)
+    }
+
+    /// The sessions that are there, by name.
+    ///
+    /// # Errors
+    /// The folder cannot be read.
+    pub fn names(&self) -> Result<Vec<SessionId>, HomeError> {
+        let entries = fs::read_dir(&self.folder).map_err(at(&self.folder))?;
+        let mut names: Vec<SessionId> = entries
+            .filter_map(|entry| SessionId::new(entry.ok()?.file_name().to_str()?).ok())
+            .collect();
+        names.sort();
+        Ok(names)
+    }
+
+    /// Whether a session of this name is there, in whatever state.
+    #[must_use]
+    pub fn has(&self, id: &SessionId) -> bool {
+        self.path(id).exists()
+    }
+
+    /// Keeps a session that begins: before its first tick, its tools free.
+    ///
+    /// # Errors
+    /// There is no room for it, or there is one of its name.
+    pub fn begin(&self, session: &mut Session) -> Result<(Keeper, Archive), HomeError> {
+        let id = session.settings().spec.id.clone();
+        let path = self.path(&id);
+        let disk = Disk::new(&path).map_err(at(&path))?;
+        let writer = Writer::go_on(Reader::open(disk)?, self.policy)?;
+        session.keep_journal();
+        let mut recorder = Recorder::new(session.tools());
+        let first = recorder.begin(session, None).to_vec();
+        self.keep(&path, writer, recorder, &first, session)
+    }
+
+    /// The session as it was, which goes on, and how it is kept from now on.
+    ///
+    /// # Errors
+    /// It is damaged, or not to be read. Nothing of it was changed then.
+    pub fn recover(
+        &self,
+        id: &SessionId,
+        now: Timestamp,
+    ) -> Result<(Session, Keeper, Archive), HomeError> {
+        let path = self.path(id);
+        let reader = Reader::open(Disk::existing(&path).map_err(at(&path))?)?;
+        if let Some(damage) = reader.damage().first() {
+            return Err(OpenError::Damaged(damage.clone()).into());
+        }
+        for remark in reader.remarks() {
+            tracing::info!(session = %id, "an end that was never durable is left out: {remark}");
+        }
+        let state = state_of(&reader, reader.last())?;
+        let mut session = Session::recover(now, state.into_recovery(Rules::default()))
+            .map_err(|error| PastError::NoLoop(error.to_string()))?;
+        let writer = Writer::go_on(reader, self.policy)?;
+        session.keep_journal();
+        let mut recorder = Recorder::new(session.tools());
+        let first = recorder.go_on(&session).to_vec();
+        let (keeper, archive) = self.keep(&path, writer, recorder, &first, &session)?;
+        Ok((session, keeper, archive))
+    }
+
+    /// Removes what is kept of a session.
+    ///
+    /// # Errors
+    /// The system refuses.
+    pub fn remove(&self, id: &SessionId) -> Result<(), HomeError> {
+        let path = self.path(id);
+        // Half a folder is no session.
+        let going = self.folder.join(format!("{GOING}{id}"));
+        if going.exists() {
+            fs::remove_dir_all(&going).map_err(at(&going))?;
+        }
+        fs::rename(&path, &going).map_err(at(&path))?;
+        fs::remove_dir_all(&going).map_err(at(&going))
+    }
+
+    fn keep(
+        &self,
+        path: &Path,
+        writer: Writer<Disk>,
+        recorder: Recorder,
+        first: &[u8],
+        session: &Session,
+    ) -> Result<(Keeper, Archive), HomeError> {
+        let (appender, running) = start(writer).map_err(at(path))?;
+        let keeper = Keeper::new(recorder, appender, first, session);
+        let archive = Archive::new(path, self.policy, running, &keeper);
+        Ok((keeper, archive))
+    }
+
+    fn path(&self, id: &SessionId) -> PathBuf {
+        self.folder.join(id.as_str())
+    }
+
+    /// Removes what an earlier server had begun to remove.
+    fn sweep(&self) -> Result<(), HomeError> {
+        let entries = fs::read_dir(&self.folder).map_err(at(&self.folder))?;
+        for entry in entries.flatten() {
+            if entry.file_name().to_string_lossy().starts_with(GOING) {
+                fs::remove_dir_all(entry.path()).map_err(at(&entry.path()))?;
+            }
+        }
+        Ok(())
+    }
+}
+
+fn at(path: &Path) -> impl Fn(io::Error) -> HomeError {
+    let path = path.to_owned();
+    move |source| HomeError::File {
+        path: path.clone(),
+        source,
+    }
+}
+
+fn check_version(sessions: &Path) -> Result<(), HomeError> {
+    let path = sessions.join("version");
+    match fs::read_to_string(&path) {
+        Ok(text) => match text.trim().parse() {
+            Ok(got) if got <= VERSION => Ok(()),
+            got => Err(HomeError::Newer {
+                path: sessions.to_owned(),
+                got: got.unwrap_or(u32::MAX),
+            }),
+        },
+        Err(error) if error.kind() == io::ErrorKind::NotFound => {
+            fs::write(&path, format!("{VERSION}\n")).map_err(at(&path))
+        }
+        Err(error) => Err(at(&path)(error)),
+    }
+}
