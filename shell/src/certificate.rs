@@ -33,7 +33,7 @@ pub enum ProbeError {
     /// Nobody answers there now.
     #[error("{endpoint} does not answer: {reason}")]
     Unreachable {
-        /// Where.
+        /// The endpoint, as it was given.
         endpoint: String,
         /// Why, in the system's words.
         reason: String,
@@ -41,7 +41,7 @@ pub enum ProbeError {
     /// Somebody answers, and must not be spoken to.
     #[error("the certificate of {endpoint} is not acceptable: {reason}")]
     Unacceptable {
-        /// Where.
+        /// The endpoint, as it was given.
         endpoint: String,
         /// What is wrong with it.
         reason: String,

@@ -89,7 +89,7 @@ enum About<'a> {
     Session(&'a str),
     /// The server.
     Server,
-    /// Nobody's.
+    /// What is nobody's, such as a calculation.
     Nothing,
 }
 
