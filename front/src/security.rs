@@ -112,9 +112,12 @@ pub(crate) async fn is_encrypted(connection: &TcpStream, within: Duration) -> io
     }
 }
 
-/// Sends whoever asks in the clear to the same place, encrypted.
-pub(crate) fn elsewhere() -> Router {
-    Router::new().fallback(redirect)
+/// What is answered in the clear: whether the server is well, which is for everybody. Whoever asks for anything else is
+/// sent to the same place, encrypted.
+pub(crate) fn elsewhere(house: &Router) -> Router {
+    Router::new()
+        .route_service("/healthz", house.clone())
+        .fallback(redirect)
 }
 
 async fn redirect(OriginalUri(asked): OriginalUri, headers: HeaderMap) -> Response {

@@ -155,7 +155,7 @@ impl Server {
         let (stop, mut stopped) = watch::channel(false);
         let follows = security.clone().map(|security| {
             let source = settings.certificate.clone();
-            tokio::spawn(source.follow(security))
+            tokio::spawn(source.follow(security, certificates::LOOK_EVERY))
         });
         let http = tokio::spawn(async move {
             let until = async move {

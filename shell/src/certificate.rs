@@ -184,7 +184,9 @@ impl Verifier {
     }
 
     fn trusted_pem(&self) -> Option<String> {
-        self.judged().trusted.as_ref().map(|der| pem(der))
+        let judged = self.judged();
+        let trusted = judged.trusted.as_ref();
+        trusted.map(|der| pem::encode(&pem::Pem::new("CERTIFICATE", der.to_vec())))
     }
 
     fn judge(
@@ -284,19 +286,6 @@ impl ServerCertVerifier for Verifier {
         let algorithms = &self.provider.signature_verification_algorithms;
         algorithms.supported_schemes()
     }
-}
-
-fn pem(der: &[u8]) -> String {
-    let lines = base64(der);
-    let lines: Vec<&str> = lines
-        .as_bytes()
-        .chunks(64)
-        .map(|line| std::str::from_utf8(line).expect("it is ASCII"))
-        .collect();
-    format!(
-        "-----BEGIN CERTIFICATE-----\n{}\n-----END CERTIFICATE-----\n",
-        lines.join("\n")
-    )
 }
 
 pub(crate) fn base64(bytes: &[u8]) -> String {

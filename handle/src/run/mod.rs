@@ -52,8 +52,6 @@ const STATUS_EVERY: Duration = Duration::from_secs(1);
 const REST_WITHIN: Duration = Duration::from_millis(500);
 /// Ticks that say goodbye at least: enough for one of them to get through a line that loses every second frame.
 const GOODBYES: u64 = 10;
-/// Longer than anybody waits.
-const NEVER: Duration = Duration::from_secs(u32::MAX as u64);
 /// A session that will not close is left to the end of the process.
 const CLOSE_WITHIN: Duration = Duration::from_secs(1);
 
@@ -145,11 +143,12 @@ async fn reach(
             others: Vec::new(),
         });
     };
-    let deadline = until.deadline.unwrap_or_else(|| Instant::now() + NEVER);
     let trusted = tokio::select! {
         trusted = options.door.wait(tell) => trusted?,
-        _ = until.stop.wait_for(|stop| *stop) => return Ok(None),
-        () = sleep_until(deadline) => {
+        () = end(until) => {
+            if *until.stop.borrow() {
+                return Ok(None);
+            }
             return Err(Failure::NoServer {
                 endpoint: options.door.endpoint.to_string(),
                 session: options.session.clone(),

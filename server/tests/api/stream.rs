@@ -2,10 +2,11 @@
 
 use std::io::Write as _;
 use std::net::TcpStream;
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, SystemTime};
 
 use serde_json::{Value, json};
 use teleclay_proto::http::{Problem, Session};
+use teleclay_proto::invite::InviteToken;
 use teleclay_proto::watch::{BrickBody, BricksKind, Message as Binary, ServerText};
 use tokio_tungstenite::tungstenite::handshake::client::generate_key;
 use tokio_tungstenite::tungstenite::http::Request;
@@ -13,6 +14,7 @@ use tokio_tungstenite::tungstenite::protocol::frame::Frame;
 use tokio_tungstenite::tungstenite::protocol::frame::coding::{Data, OpCode};
 use tokio_tungstenite::tungstenite::{Error, Message, WebSocket, client};
 
+use crate::guard::Guests;
 use crate::rig::{PATIENCE, eventually, shared};
 use crate::wire::{Answer, Ask, Site};
 
@@ -25,6 +27,16 @@ impl Stream {
     }
 
     fn open_on(connection: TcpStream, site: &Site, session: &str) -> Self {
+        Self::open_offering("other, teleclay.v1", connection, site, session)
+    }
+
+    /// For whoever shows this token.
+    fn open_with(token: &str, site: &Site, session: &str) -> Self {
+        let offered = format!("teleclay.v1, bearer.{token}");
+        Self::open_offering(&offered, site.connect(), site, session)
+    }
+
+    fn open_offering(offered: &str, connection: TcpStream, site: &Site, session: &str) -> Self {
         let request = Request::builder()
             .uri(format!(
                 "ws://{}/api/v1/sessions/{session}/stream",
@@ -35,7 +47,7 @@ impl Stream {
             .header("Upgrade", "websocket")
             .header("Sec-WebSocket-Version", "13")
             .header("Sec-WebSocket-Key", generate_key())
-            .header("Sec-WebSocket-Protocol", "other, teleclay.v1")
+            .header("Sec-WebSocket-Protocol", offered)
             .body(())
             .unwrap();
         let (socket, answer) = client(request, connection).unwrap();
@@ -133,6 +145,44 @@ impl Stream {
         self.0.close(None).unwrap();
         while self.0.read().is_ok() {}
     }
+}
+
+#[test]
+fn a_guest_watches_changes_what_the_role_allows_and_goes_when_the_invite_ends() {
+    let open = shared().site();
+    let session = shared().session(&open);
+    let guests = Guests::of(&session);
+    let site = guests.site();
+    let change = json!({ "type": "patch", "session": { "deadband": 0.05 } });
+    let fresh = json!({ "type": "reset", "clay": {} });
+    let [spectator, operator, admin] = [0, 1, 2].map(|role| {
+        let mut stream = Stream::open_with(&guests.tokens[role], &site, &session);
+        stream.state(|_| true);
+        stream
+    });
+    let mut watching = Vec::new();
+    for mut stream in [spectator, operator] {
+        for asked in [&change, &fresh] {
+            stream.say(asked);
+            assert_eq!(stream.problem().status, 403);
+        }
+        watching.push(stream);
+    }
+    let before: Session = open.get(&format!("/api/v1/sessions/{session}")).json();
+    assert_eq!((before.deadband, before.clay.epoch), (0.0, 1));
+    let mut admin = admin;
+    admin.say(&change);
+    admin.state(|session| session.deadband == 0.05);
+    for (token, stream) in guests.tokens.iter().zip(watching) {
+        let id = token.parse::<InviteToken>().unwrap().id();
+        guests.invites.revoke(SystemTime::now(), id).unwrap();
+        assert_eq!(stream.ending(), (4403, "the invite has ended".to_owned()));
+    }
+    // Others stay.
+    admin.catch_up();
+    admin.leave();
+    open.delete(&format!("/api/v1/sessions/{session}"));
+    std::fs::remove_dir_all(&guests.data).unwrap();
 }
 
 #[test]
