@@ -1,7 +1,7 @@
 //! One lease as the tick holds it: the handle side of the loop, and the ends of the rings to and from the network.
 //!
-//! Another lease of the same session takes other ends and the same side ([`Renewal`]): its copy of the clay and its cuts
-//! that are not durable stay.
+//! Another lease of the same session takes other ends and the same side ([`Renewal`]): its copy of the clay and its
+//! cuts that are not durable stay.
 
 use rtrb::{Consumer, Producer, RingBuffer};
 use teleclay_bilateral::{HandleSide, HandleStep, Lease, ParameterError};

@@ -77,7 +77,26 @@ pub(crate) struct Mood {
     pub(crate) speech: Mutex<Speech>,
     pub(crate) fresh: Mutex<FreshReply>,
     pub(crate) status: Mutex<LoopStatus>,
+    /// How far the session has come.
+    progress: Mutex<Progress>,
+    /// Number of the first frame that came under the present lease, and of the newest.
+    pub(crate) numbers: Mutex<[u32; 2]>,
 }
+
+/// How far a session has come.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Progress {
+    /// Counts the servers that have run it.
+    pub(crate) ownership_epoch: u32,
+    /// Counts its changes; a lease is one.
+    pub(crate) revision: u32,
+}
+
+/// A session that was just made.
+const FRESH: Progress = Progress {
+    ownership_epoch: 1,
+    revision: 0,
+};
 
 /// The server. Dropping it ends its sessions; [`kill`](Self::kill) waits for that.
 pub(crate) struct Server {
@@ -132,6 +151,17 @@ impl Server {
         first_lease: u32,
         parameters: LoopParameters,
     ) -> Self {
+        Self::recover(endpoint, nodes, first_lease, parameters, FRESH).await
+    }
+
+    /// With a session that has come so far.
+    pub(crate) async fn recover(
+        endpoint: &str,
+        nodes: &[&str],
+        first_lease: u32,
+        parameters: LoopParameters,
+        progress: Progress,
+    ) -> Self {
         let neighbour = endpoint
             .parse()
             .map(|endpoint: Endpoint| endpoint.neighbour(1));
@@ -151,6 +181,8 @@ impl Server {
             speech: Mutex::new(Speech::Frames),
             fresh: Mutex::new(FreshReply::Fresh { epoch: 2 }),
             status: Mutex::new(LoopStatus::Running),
+            progress: Mutex::new(progress),
+            numbers: Mutex::default(),
         });
         let next_lease = Arc::new(AtomicU32::new(first_lease));
         let (mut queryables, mut subscribers) = (Vec::new(), Vec::new());
@@ -294,7 +326,7 @@ impl ServedSession {
             Answering::hear(&Secret::of_token(TOKEN), context, &join.message)
                 .expect("the handle knows the token");
         self.emit(Seen::Join(read(&request)));
-        let parameters = match &*self.mood.door.lock().unwrap() {
+        let mut parameters = match &*self.mood.door.lock().unwrap() {
             Door::Open(parameters) => **parameters,
             Door::Says(said) => {
                 let (message, _) = answering.answer(said);
@@ -303,9 +335,15 @@ impl ServedSession {
             Door::Shouts(shouted) => return Some(shouted.clone()),
         };
         let lease = self.next_lease.fetch_add(1, Ordering::Relaxed);
+        let progress = {
+            let mut progress = self.mood.progress.lock().unwrap();
+            progress.revision += 1;
+            *progress
+        };
+        parameters.revision = progress.revision;
         let granted = bytes(&JoinReply::Granted(Box::new(Granted {
             lease,
-            ownership_epoch: 1,
+            ownership_epoch: progress.ownership_epoch,
             node: self.node.clone(),
             tool: TOOL,
             lease_s: 5.0,
@@ -385,8 +423,10 @@ impl Tool {
         if lease != self.served.lease.load(Ordering::Relaxed) {
             return;
         }
+        self.served.mood.numbers.lock().unwrap()[1] = frame.header.sequence;
         if self.greeted != lease {
             self.greeted = lease;
+            self.served.mood.numbers.lock().unwrap()[0] = frame.header.sequence;
             self.served.emit(Seen::FirstFrame(lease));
         }
         if frame.engagement == Engagement::Leaving && self.left != lease {
@@ -404,7 +444,9 @@ impl Tool {
             ..ToolFrame::default()
         };
         answer.header.lease = lease;
-        answer.header.ownership_epoch = frame.header.ownership_epoch;
+        let progress = *self.served.mood.progress.lock().unwrap();
+        answer.header.ownership_epoch = progress.ownership_epoch;
+        answer.header.revision = progress.revision;
         answer.header.sequence = self.sequence;
         answer.header.scheme = frame.header.scheme;
         answer.header.sent_ns = self.clock.now_ns();
