@@ -202,6 +202,35 @@ async fn a_server_that_comes_back_with_the_session_finds_the_same_handle_side() 
     assert!(last + 100 < first, "frame {first} after {last}");
 }
 
+/// What was under a lease that the server itself has ended is over with it, though the session is the same.
+#[tokio::test(flavor = "multi_thread")]
+async fn after_a_lease_that_was_taken_back_the_handle_begins_anew() {
+    let endpoint = free_endpoint();
+    let mut server = Server::start(&endpoint, &["lab"], 1).await;
+    let mut holder = Holder::start(&endpoint, Quirks::default());
+    felt(&mut holder).await;
+    server.take_back("the lesson is over").await;
+    holder
+        .tells("that the tool is taken back", |event| {
+            matches!(event, Event::TakenBack { reason } if reason == "the lesson is over")
+                .then_some(())
+        })
+        .await;
+    let [_, last] = *server.mood.numbers.lock().unwrap();
+    assert_eq!(holder.joins().await, 2);
+    server
+        .sees("frames under the new lease", |seen| {
+            (seen == Seen::FirstFrame(2)).then_some(())
+        })
+        .await;
+    let [first, _] = *server.mood.numbers.lock().unwrap();
+    assert!(first < last, "frame {first} after {last}");
+    felt(&mut holder).await;
+    let told = Arc::clone(&holder.told);
+    holder.ends().await.outcome.unwrap();
+    assert_smooth(&told.lock().unwrap());
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn a_server_that_comes_back_with_another_tick_finds_the_device_opened_anew() {
     let endpoint = free_endpoint();

@@ -15,8 +15,8 @@ use teleclay_channel::{
 use teleclay_proto::frame::{Engagement, HandleFrame, LoopStatus, MAX_FRAME, ToolFrame};
 use teleclay_proto::http::ClayShape;
 use teleclay_proto::join::{
-    ChallengeReply, ChallengeRequest, ClayDescription, FreshReply, Granted, JoinReply, JoinRequest,
-    LeaseRequest, LeaveReply, LoopParameters, SealedJoin, SealedReply,
+    ChallengeReply, ChallengeRequest, ClayDescription, Farewell, FreshReply, Granted, JoinReply,
+    JoinRequest, LeaseRequest, LeaveReply, LoopParameters, SealedJoin, SealedReply,
 };
 use teleclay_proto::keys::SessionKeys;
 use teleclay_proto::{NodeName, RealmName, Scheme, SessionId};
@@ -104,6 +104,7 @@ pub(crate) struct Server {
     pub(crate) slow: Session,
     seen: UnboundedReceiver<Seen>,
     control: Session,
+    served: Vec<ServedSession>,
     _queryables: Vec<Queryable<()>>,
     _subscribers: Vec<Subscriber<()>>,
 }
@@ -186,6 +187,7 @@ impl Server {
         });
         let next_lease = Arc::new(AtomicU32::new(first_lease));
         let (mut queryables, mut subscribers) = (Vec::new(), Vec::new());
+        let mut all_served = Vec::new();
         for node in nodes {
             let served = ServedSession {
                 keys: keys(),
@@ -202,12 +204,14 @@ impl Server {
                 queryables.extend(served.open(session).await);
             }
             subscribers.push(served.work(&control).await);
+            all_served.push(served);
         }
         Self {
             mood,
             slow,
             seen,
             control,
+            served: all_served,
             _queryables: queryables,
             _subscribers: subscribers,
         }
@@ -235,6 +239,22 @@ impl Server {
     pub(crate) fn speak(&self, speech: Speech) -> Instant {
         *self.mood.speech.lock().unwrap() = speech;
         Instant::now()
+    }
+
+    /// Takes the first node's tool away from whoever holds it, and says so.
+    pub(crate) async fn take_back(&self, reason: &str) {
+        let served = &self.served[0];
+        let lease = served.lease.swap(0, Ordering::Relaxed);
+        let channel = served.channel.lock().unwrap().clone();
+        let farewell = bytes(&Farewell {
+            lease,
+            reason: reason.to_owned(),
+        });
+        let sealed = channel
+            .expect("it was made with the lease")
+            .seal(Purpose::Leave, &farewell);
+        let key = served.keys.tool_farewell(TOOL);
+        self.control.put(key, sealed).await.expect("it is open");
     }
 
     /// Ends it, as the end of its process would: nobody is told.

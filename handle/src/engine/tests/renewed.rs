@@ -300,3 +300,16 @@ fn a_renewal_is_for_the_lease_that_it_follows_be_it_taken_yet_or_not() {
     );
     assert_eq!(bench.couple_for(200).felt_force_n, [-3.0, 0.0, 0.0]);
 }
+
+#[test]
+fn in_a_fault_no_lease_counts_any_more() {
+    let mut bench = Bench::new(pushing());
+    bench.couple_for(100);
+    bench.trouble.send(Trouble::Blind).unwrap();
+    assert!(bench.couple_for(1).fault.is_some());
+    bench.renew(2, 2);
+    for _ in 0..400 {
+        assert_eq!(bench.tick().lease, 1);
+    }
+    assert_eq!(replaced::discarded(&mut bench), ["renewal"]);
+}
