@@ -313,3 +313,38 @@ fn in_a_fault_no_lease_counts_any_more() {
     }
     assert_eq!(replaced::discarded(&mut bench), ["renewal"]);
 }
+
+/// Undone strokes are clay of another epoch in the same place: the hand keeps its copy until a snapshot of that epoch
+/// takes its place, and what it cuts meanwhile counts.
+#[test]
+fn clay_that_is_exchanged_leaves_the_copy_until_a_snapshot_of_it_comes() {
+    let mut bench = Bench::on_a_copy();
+    let mut server = Server::recovered(0);
+    for _ in 0..500 {
+        server.tick(&mut bench, 0);
+    }
+    let kept = bench.side().clay_copy().unwrap().log().kept();
+    bench.told();
+    bench.tool.frame.header.clay_epoch = 4;
+    bench.tool.frame.epochs_kept = 1;
+    let record = server.tick(&mut bench, 0);
+    assert_eq!(record.copy, CopyState::Diverged);
+    assert_eq!(record.wanted.snapshot.map(|wanted| wanted.epoch), Some(4));
+    for _ in 0..200 {
+        assert!(server.tick(&mut bench, 0).felt_force_n[0] < -0.3);
+    }
+    assert!(kept < bench.side().clay_copy().unwrap().log().kept());
+    assert_eq!(replaced::discarded(&mut bench), [""; 0]);
+    let shape = teleclay_bilateral::clay_shape(&granted(1).clay.shape).unwrap();
+    let clay = Box::new(teleclay_clay::Clay::new(&shape, 1e-3).unwrap());
+    let snapshot = Snapshot { clay, epoch: 4 };
+    let load = Order::LoadSnapshot { lease: 1, snapshot };
+    assert!(bench.ends.orders.push(load).is_ok());
+    let record = server.tick(&mut bench, 0);
+    assert_eq!(
+        (record.copy, record.wanted.snapshot),
+        (CopyState::Live, None)
+    );
+    let (force_n, _) = steps(&bench.told());
+    assert!(force_n <= SLEW_STEP_N / 4.0, "{force_n} N in a tick");
+}
