@@ -6,10 +6,10 @@ use std::io::{self, Write as _};
 use std::net::IpAddr;
 use std::os::unix::fs::OpenOptionsExt as _;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
-use std::time::Duration;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
 
 use serde::Serialize;
 use time::OffsetDateTime;
@@ -21,6 +21,10 @@ use crate::files::{self, At as _, DoorError};
 const WAITING: usize = 1024;
 /// A file that is longer is put aside, bytes.
 const LONGEST_FILE: u64 = 8 << 20;
+/// Of what was refused, so much is written at once, and then one each so often: whoever is refused again and again
+/// could otherwise push everybody else's deeds out of the log.
+const REFUSALS: u32 = 60;
+const REFUSAL_EVERY: Duration = Duration::from_secs(1);
 /// Files that were put aside are kept up to this number: `audit.jsonl.1` is the newest.
 const KEPT: u32 = 4;
 
@@ -56,6 +60,8 @@ struct Line<'a> {
 pub struct Audit {
     told: SyncSender<Told>,
     missing: Arc<AtomicU64>,
+    /// When every refusal so far has had its share of time.
+    refused_until: Arc<Mutex<Instant>>,
 }
 
 #[derive(Debug)]
@@ -88,7 +94,24 @@ impl Audit {
         Ok(Self {
             told: tell,
             missing,
+            refused_until: Arc::new(Mutex::new(Instant::now())),
         })
+    }
+
+    /// Tells of something that was refused, as far as there is room for refusals. Never waits.
+    pub fn tell_refused(&self, now: Instant, deed: Deed) {
+        let mut until = self
+            .refused_until
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner);
+        let next = (*until).max(now) + REFUSAL_EVERY;
+        if REFUSALS * REFUSAL_EVERY < next - now {
+            self.missing.fetch_add(1, Ordering::Relaxed);
+            return;
+        }
+        *until = next;
+        drop(until);
+        self.tell(deed);
     }
 
     /// Tells a deed. Never waits.
@@ -206,6 +229,34 @@ mod tests {
         assert_eq!(lines[0]["who"], "invite 0000001a");
         assert_eq!(lines[0]["from"], "192.0.2.7");
         assert_eq!(lines[1]["did"], "a line\nbreak and a \"quote\"");
+        std::fs::remove_dir_all(data).unwrap();
+    }
+
+    #[test]
+    fn whoever_is_refused_again_and_again_does_not_push_others_out_of_the_log() {
+        let data = test_folder("refusals");
+        let audit = Audit::open(&data).unwrap();
+        let now = Instant::now();
+        for _ in 0..10_000 {
+            audit.tell_refused(now, deed("refused"));
+        }
+        audit.tell(deed("done"));
+        let later = now + 3 * REFUSAL_EVERY;
+        for _ in 0..10 {
+            audit.tell_refused(later, deed("refused later"));
+        }
+        audit.tell(deed("last"));
+        audit.settle(Duration::from_secs(10));
+        let text = std::fs::read_to_string(data.join("doors/audit.jsonl")).unwrap();
+        let count = |did: &str| text.lines().filter(|line| line.contains(did)).count();
+        assert_eq!(count("\"refused\""), 60);
+        assert_eq!((count("\"done\""), count("\"refused later\"")), (1, 3));
+        // What is left out is counted, in the lines that follow.
+        let lines = text
+            .lines()
+            .map(|line| serde_json::from_str::<serde_json::Value>(line).unwrap());
+        let missing: u64 = lines.filter_map(|line| line["missing"].as_u64()).sum();
+        assert_eq!(missing, (10_000 - 60) + (10 - 3));
         std::fs::remove_dir_all(data).unwrap();
     }
 

@@ -11,7 +11,7 @@ pub enum DoorError {
     /// A file or folder.
     #[error("{}: {source}", path.display())]
     File {
-        /// Which.
+        /// The file or folder.
         path: PathBuf,
         /// What the system says.
         source: io::Error,
@@ -19,7 +19,7 @@ pub enum DoorError {
     /// A file's content.
     #[error("{}: {reason}", path.display())]
     Content {
-        /// Which.
+        /// The file.
         path: PathBuf,
         /// What is wrong with it.
         reason: String,

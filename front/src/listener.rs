@@ -84,9 +84,9 @@ pub async fn serve(
 ) {
     let visitors = Arc::new(Visitors::default());
     let house = House {
+        elsewhere: security::elsewhere(&router),
         router,
         security,
-        elsewhere: security::elsewhere(),
     };
     let (stopping, stopped) = watch::channel(());
     let mut stop = pin!(stop);

@@ -6,10 +6,11 @@ use std::sync::{Arc, PoisonError, RwLock};
 use std::time::Duration;
 
 use axum::Router;
-use axum::extract::OriginalUri;
+use axum::extract::{OriginalUri, Request};
 use axum::http::uri::Authority;
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
+use axum::routing::any;
 use rustls::ServerConfig;
 use rustls::pki_types::pem::PemObject as _;
 use rustls::pki_types::{CertificateDer, PrivateKeyDer};
@@ -18,6 +19,7 @@ use tokio::net::TcpStream;
 use tokio::time::timeout;
 use tokio_rustls::TlsAcceptor;
 use tokio_rustls::server::TlsStream;
+use tower::ServiceExt as _;
 
 /// What the first byte of an encrypted connection is: a record with a handshake in it, RFC 8446 §5.1.
 const HANDSHAKE: u8 = 22;
@@ -112,9 +114,12 @@ pub(crate) async fn is_encrypted(connection: &TcpStream, within: Duration) -> io
     }
 }
 
-/// Sends whoever asks in the clear to the same place, encrypted.
-pub(crate) fn elsewhere() -> Router {
-    Router::new().fallback(redirect)
+/// What is answered in the clear: whether the server is well, which is for everybody. Whoever asks for anything else is
+/// sent to the same place, encrypted.
+pub(crate) fn elsewhere(house: &Router) -> Router {
+    let house = house.clone();
+    let health = any(move |request: Request| house.clone().oneshot(request));
+    Router::new().route("/healthz", health).fallback(redirect)
 }
 
 async fn redirect(OriginalUri(asked): OriginalUri, headers: HeaderMap) -> Response {

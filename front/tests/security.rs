@@ -93,21 +93,29 @@ async fn what_is_served_is_served_encrypted_and_to_nobody_else() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn whoever_looks_after_a_server_asks_it_encrypted_or_not() {
+async fn whoever_looks_after_a_server_is_answered_in_the_clear_whatever_else_is_not() {
     let identity = identity("health");
     let security = Security::new(&identity.chain_pem, &identity.key_pem).unwrap();
     for security in [Some(security), None] {
-        let is_https = security.is_some();
         let listener = bind(SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 0)).unwrap();
         let address = listener.local_addr().unwrap();
-        let router = Router::new().route("/healthz", get(async || "well"));
-        tokio::spawn(serve(listener, router, security, std::future::pending()));
-        let ask = async |is_https| {
-            let asked = tokio::task::spawn_blocking(move || check_health(address, is_https));
-            asked.await.unwrap()
-        };
-        assert!(ask(is_https).await.is_ok());
-        assert!(ask(!is_https).await.is_err());
+        for (path, is_well) in [("/healthz", true), ("/elsewhere", false)] {
+            let router = Router::new().route(path, get(async || "well"));
+            let listener = bind(SocketAddr::new(address.ip(), 0)).unwrap();
+            let address = listener.local_addr().unwrap();
+            tokio::spawn(serve(
+                listener,
+                router,
+                security.clone(),
+                std::future::pending(),
+            ));
+            let asked = tokio::task::spawn_blocking(move || check_health(address));
+            assert_eq!(asked.await.unwrap().is_ok(), is_well);
+        }
+        drop(listener);
+        // Nobody is there.
+        let asked = tokio::task::spawn_blocking(move || check_health(address));
+        assert!(asked.await.unwrap().is_err());
     }
 }
 

@@ -6,8 +6,9 @@
 //! ```
 //!
 //! The machine owns the device for as long as the program runs, with a server or without: a lost server leaves the
-//! handle side with its watchdog, a new lease comes as a new [`Attachment`]. It takes orders, and frames from the
-//! attachment's ring; it never allocates, locks, or calls Zenoh.
+//! handle side with its watchdog. Another lease of the same session comes as a [`Renewal`] of the attachment, any other
+//! as a new [`Attachment`]. It takes orders, and frames from the attachment's ring; it never allocates, locks, or calls
+//! Zenoh.
 
 use std::sync::Arc;
 
@@ -24,7 +25,7 @@ use teleclay_proto::Scheme;
 use teleclay_proto::frame::{CopyState, Corrections};
 use teleclay_shell::realtime::{Capacities, Machine, Out, Timing};
 
-use crate::attachment::{Attachment, Heard};
+use crate::attachment::{Attachment, Heard, Renewal};
 use crate::brake::Brake;
 use crate::device::{Device, DeviceCommand, DeviceError, DeviceRequest};
 use crate::refresh::Wanted;
@@ -43,6 +44,8 @@ const SETTLE_TAU_S: f64 = 0.1;
 pub(crate) enum Order {
     /// Goes on under another lease, once the handle is at rest.
     Attach(Box<Attachment>),
+    /// Goes on under another lease of the same session at once, with the same handle side.
+    Renew(Box<Renewal>),
     /// Other parameters from now on, under this lease: tool, place or clay, and which frames are left out.
     Move {
         lease: u32,
@@ -72,6 +75,10 @@ pub(crate) enum Done {
     },
     Attachment {
         _attachment: Box<Attachment>,
+    },
+    /// What a renewal exchanged, or one that no attachment was for.
+    Renewal {
+        _renewal: Box<Renewal>,
     },
     ToolSetup {
         _setup: Arc<ToolSetup>,
@@ -106,6 +113,10 @@ pub(crate) struct Record {
     pub(crate) lease: u32,
     pub(crate) mode: Mode,
     pub(crate) link_state: LinkState,
+    /// Whether a frame has come under this lease.
+    pub(crate) is_heard: bool,
+    /// Ownership epoch of the session, as last heard, or as granted.
+    pub(crate) ownership_epoch: u32,
     pub(crate) silence_ns: u64,
     /// Since the tool side last showed that it had heard something new.
     pub(crate) echo_age_ns: u64,
@@ -220,9 +231,18 @@ impl Engine {
         self.offset_m = None;
     }
 
+    /// Another lease for the attachment that is the last to have come. In a fault none counts any more.
+    fn renew(&mut self, now: Timestamp, mut renewal: Box<Renewal>) -> Done {
+        let attachment = self.next.as_mut().unwrap_or(&mut self.attachment);
+        if attachment.lease() == renewal.of && attachment.side.fault().is_none() {
+            attachment.renew(now, &mut renewal.ends);
+        }
+        Done::Renewal { _renewal: renewal }
+    }
+
     /// The side of this lease, if it is the present one.
     fn side_of(&mut self, lease: u32) -> Option<&mut HandleSide> {
-        (lease == self.attachment.lease).then_some(&mut self.attachment.side)
+        (lease == self.attachment.lease()).then_some(&mut self.attachment.side)
     }
 
     fn record(&self, now: Timestamp, mode: Mode, heard: Heard, step: &HandleStep) -> Record {
@@ -232,9 +252,11 @@ impl Engine {
             lateness_ns: 0,
             given_up: 0,
             work_ns: 0,
-            lease: self.attachment.lease,
+            lease: self.attachment.lease(),
             mode,
             link_state: step.link_state,
+            is_heard: self.attachment.is_heard(),
+            ownership_epoch: side.frame().header.ownership_epoch,
             silence_ns: self.attachment.silence_ns(now),
             echo_age_ns: self.attachment.echo_age_ns(now),
             heard,
@@ -276,6 +298,7 @@ impl Machine for Engine {
                 },
                 None => Done::Order,
             },
+            Order::Renew(renewal) => self.renew(now, renewal),
             Order::Move {
                 lease,
                 setup,
@@ -399,6 +422,8 @@ pub(crate) fn sample_record() -> Record {
         lease: 1,
         mode: Mode::Coupled,
         link_state: LinkState::Live,
+        is_heard: true,
+        ownership_epoch: 1,
         silence_ns: 0,
         echo_age_ns: 0,
         heard: Heard::default(),

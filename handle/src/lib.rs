@@ -20,10 +20,13 @@
 //!
 //! What follows from a silent server: within the allowed silence plus the ramp (0.15 s by default) the remote part of
 //! the force is zero, in the handle side itself. After a second of silence the server is asked for another lease, until
-//! there is one again. The handle then comes to rest, and a new loop starts from where it stands, at zero force. A copy
-//! of the clay needs no frames: there the force goes on, cutting ends after two seconds, the force within another, and
-//! another lease is asked for after eight. A server whose process ends is seen to go, and the force goes after 0.05 s
-//! of silence, copy or not.
+//! there is one again. Under a lease of the same session and tool, from a server that has gone on or has recovered the
+//! session, the handle side goes on: only the line is exchanged, what the server lacks of the cuts goes out again, and
+//! the force returns by the ramp. Under any other lease the handle first comes to rest, and a new loop starts from
+//! where it stands, at zero force; so it does after a lease that the server itself has ended. A copy of the clay needs
+//! no frames: there the force goes on, cutting ends after two seconds, the force within another, and another lease is
+//! asked for after eight: the silence is what counts, not the lease. A server whose process ends is seen to go, and the
+//! force goes after 0.05 s of silence, copy or not.
 
 pub mod arguments;
 pub mod device;

@@ -19,7 +19,7 @@ use zenoh::pubsub::Subscriber;
 use zenoh::sample::{Sample, SampleKind};
 use zenoh::{Session, Wait};
 
-use crate::attachment::{Arrived, Attachment};
+use crate::attachment::{Arrived, LineEnds};
 use crate::grant::JoinGrant;
 use crate::outbox::Sender;
 
@@ -86,19 +86,19 @@ pub(crate) struct Line {
 }
 
 impl Line {
-    /// Declares everything, and gives the attachment for the tick. `gone` gets the lease when the server goes, or says
+    /// Declares everything, and gives the tick its ends. `gone` gets the lease when the server goes, or says
     /// that the lease is over: a process that dies takes its connections with it, and that is seen at once. One that
     /// no longer answers is not seen so; silence tells of it.
     ///
     /// # Errors
-    /// The parameters make no loop, or a resource is missing.
+    /// A resource is missing.
     pub(crate) async fn open(
         control: &Session,
         slow: &Session,
         clock: Clock,
         grant: Box<JoinGrant>,
         gone: UnboundedSender<Gone>,
-    ) -> Result<(Self, Box<Attachment>), LineError> {
+    ) -> Result<(Self, LineEnds), LineError> {
         let JoinGrant {
             keys,
             granted,
@@ -121,7 +121,7 @@ impl Line {
             sealed.extend_from_slice(&sealing.trailer(Purpose::Frame, frame));
             up.put(&sealed[..]).wait().is_ok()
         })?;
-        let (attachment, arriving) = Attachment::new(granted, outbox)?;
+        let (ends, arriving) = LineEnds::new(granted, outbox);
         let rejected = Arc::new(Rejected::default());
         let arrivals = Arrivals {
             clock,
@@ -184,7 +184,7 @@ impl Line {
                 _alive: alive,
                 _presence: presence,
             },
-            attachment,
+            ends,
         ))
     }
 

@@ -46,12 +46,11 @@ pub(crate) struct Wanted {
     pub(crate) controller: Option<Scheme>,
 }
 
-/// Parameters that can change while a handle works.
+/// Parameters, of which some can change while a handle works.
 pub(crate) struct Changed {
-    pub(crate) revision: u32,
+    pub(crate) parameters: LoopParameters,
+    /// Where, with what and in what the tool works under them.
     pub(crate) setup: Arc<ToolSetup>,
-    /// Share of what is felt below which a change is not sent.
-    pub(crate) deadband: f64,
 }
 
 /// What came.
@@ -112,11 +111,7 @@ async fn parameters(
         .map_err(|error| format!("parameters: {error}"))?;
     lower(&mut parameters, profile);
     let setup = tool_setup(&parameters).map_err(|error| format!("parameters: {error}"))?;
-    Ok(Changed {
-        revision: parameters.revision,
-        setup,
-        deadband: parameters.deadband,
-    })
+    Ok(Changed { parameters, setup })
 }
 
 async fn snapshot(slow: &Session, grant: &JoinGrant, epoch: u32) -> Result<Snapshot, String> {

@@ -20,8 +20,8 @@ use teleclay_proto::FrameError;
 use teleclay_proto::frame::{HandleFrame, MAX_FRAME, ToolFrame};
 use teleclay_proto::http::{BodyError, NewSession, Validate, parse};
 use teleclay_proto::join::{
-    ChallengeReply, ChallengeRequest, FreshReply, JoinReply, JoinRequest, LeaseRequest, LeaveReply,
-    LoopParameters, SealedJoin, SealedReply,
+    ChallengeReply, ChallengeRequest, Farewell, FreshReply, JoinReply, JoinRequest, LeaseRequest,
+    LeaveReply, LoopParameters, SealedJoin, SealedReply,
 };
 use teleclay_proto::keys::Key;
 use teleclay_proto::watch::{
@@ -180,6 +180,9 @@ fn texts_parse_and_print_the_same_again() {
     list(&join, "sealed_replies")
         .iter()
         .for_each(assert_parses_and_prints::<SealedReply>);
+    list(&join, "farewells")
+        .iter()
+        .for_each(assert_parses_and_prints::<Farewell>);
     list(&join, "fresh_replies")
         .iter()
         .for_each(assert_parses_and_prints::<FreshReply>);

@@ -27,7 +27,7 @@ fn main() -> ExitCode {
         Err(error) => return failed(&error),
     };
     if arguments.health_check {
-        return match check_health(settings.listen, settings.is_https) {
+        return match check_health(settings.listen) {
             Ok(()) => ExitCode::SUCCESS,
             Err(error) => failed(&error.into()),
         };

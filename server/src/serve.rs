@@ -165,7 +165,7 @@ impl Server {
         let looks_after = tokio::spawn(async move { looks_after.look_after_archives().await });
         let follows = security.clone().map(|security| {
             let source = settings.certificate.clone();
-            tokio::spawn(source.follow(security))
+            tokio::spawn(source.follow(security, certificates::LOOK_EVERY))
         });
         let http = tokio::spawn(async move {
             let until = async move {

@@ -15,7 +15,7 @@ use teleclay_shell::endpoint::{Endpoint, Protocol};
 use teleclay_shell::ticker::Scheduling;
 
 use crate::doors::certificates::{self, Source};
-use crate::doors::command::{InviteCommand, InvitesCommand};
+use crate::doors::command::{InviteCommand, InvitesCommand, default_data_dir};
 
 /// A networked haptic tele-presence server: it holds the clay and the tool side of the loop.
 #[derive(Debug, Parser)]
@@ -325,19 +325,6 @@ impl Settings {
             spin: Duration::from_micros(raw.spin_us),
         })
     }
-}
-
-/// The data folder where none is named.
-pub(crate) fn default_data_dir() -> anyhow::Result<PathBuf> {
-    let set = |name| {
-        std::env::var_os(name)
-            .filter(|value| !value.is_empty())
-            .map(PathBuf::from)
-    };
-    let base = set("XDG_DATA_HOME").or_else(|| set("HOME").map(|home| home.join(".local/share")));
-    Ok(base
-        .context("neither XDG_DATA_HOME nor HOME is set: give --data-dir")?
-        .join("teleclay"))
 }
 
 #[cfg(test)]

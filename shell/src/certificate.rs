@@ -33,7 +33,7 @@ pub enum ProbeError {
     /// Nobody answers there now.
     #[error("{endpoint} does not answer: {reason}")]
     Unreachable {
-        /// Where.
+        /// The endpoint, as it was given.
         endpoint: String,
         /// Why, in the system's words.
         reason: String,
@@ -41,7 +41,7 @@ pub enum ProbeError {
     /// Somebody answers, and must not be spoken to.
     #[error("the certificate of {endpoint} is not acceptable: {reason}")]
     Unacceptable {
-        /// Where.
+        /// The endpoint, as it was given.
         endpoint: String,
         /// What is wrong with it.
         reason: String,
@@ -184,7 +184,9 @@ impl Verifier {
     }
 
     fn trusted_pem(&self) -> Option<String> {
-        self.judged().trusted.as_ref().map(|der| pem(der))
+        let judged = self.judged();
+        let trusted = judged.trusted.as_ref();
+        trusted.map(|der| pem::encode(&pem::Pem::new("CERTIFICATE", der.to_vec())))
     }
 
     fn judge(
@@ -284,19 +286,6 @@ impl ServerCertVerifier for Verifier {
         let algorithms = &self.provider.signature_verification_algorithms;
         algorithms.supported_schemes()
     }
-}
-
-fn pem(der: &[u8]) -> String {
-    let lines = base64(der);
-    let lines: Vec<&str> = lines
-        .as_bytes()
-        .chunks(64)
-        .map(|line| std::str::from_utf8(line).expect("it is ASCII"))
-        .collect();
-    format!(
-        "-----BEGIN CERTIFICATE-----\n{}\n-----END CERTIFICATE-----\n",
-        lines.join("\n")
-    )
 }
 
 pub(crate) fn base64(bytes: &[u8]) -> String {

@@ -13,13 +13,16 @@ use std::time::{Duration, Instant};
 
 use serde_json::json;
 use teleclay_handle::device::{DeviceKind, open};
+use teleclay_handle::door::Door;
 use teleclay_handle::intent::Intent;
 use teleclay_handle::run::{Ending, Options, Until};
 use teleclay_proto::http::Session;
 use teleclay_proto::{NodeName, RealmName, Scheme, SessionId};
 use teleclay_server::Server;
+use teleclay_server::doors::certificates::Source;
 use teleclay_server::settings::Settings;
 use teleclay_shell::Drift;
+use teleclay_shell::endpoint::Endpoint;
 use teleclay_shell::ticker::Scheduling;
 use teleclay_tests::client::Client;
 use teleclay_tests::stage::{DEMO, Ports};
@@ -121,7 +124,11 @@ fn settings(ports: Ports, data_dir: std::path::PathBuf) -> Settings {
 
 fn options(ports: Ports) -> Options {
     Options {
-        connect: format!("tcp/127.0.0.1:{}", ports.zenoh),
+        door: Door {
+            endpoint: zenoh(ports.zenoh),
+            fingerprint: None,
+        },
+        invite: None,
         session: SessionId::new(DEMO).unwrap(),
         realm: RealmName::new("local").unwrap(),
         operator: "Ada".to_owned(),

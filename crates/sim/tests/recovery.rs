@@ -7,6 +7,8 @@ mod rigs;
 use std::time::Duration;
 
 use rigs::{TICK, both_ways, carving, cutting, line, running};
+use teleclay_bilateral::tool_shape;
+use teleclay_clay::{Clay, Pose, Sweep, ToolShape};
 use teleclay_history::{Fact, Ledger, Record, Recorder, Replay, State};
 use teleclay_journal::memory::Memory;
 use teleclay_journal::{Policy, Reader, Snapshot, Writer, write_snapshot};
@@ -22,6 +24,36 @@ struct Keeper {
     writer: Writer<Memory>,
     recorder: Recorder,
     ledger: Ledger,
+}
+
+/// The block with every cut that the hand has ever made in its copy, whatever became of it on the way.
+struct Felt {
+    clay: Clay,
+    shape: ToolShape,
+    next: u32,
+}
+
+impl Felt {
+    fn new(rig: &Rig) -> Self {
+        Self {
+            clay: rig.block().clone(),
+            shape: tool_shape(&rig.session().settings().parameters.tool).unwrap(),
+            next: 1,
+        }
+    }
+
+    fn watch(&mut self, rig: &Rig) {
+        let Some(copy) = rig.clay_copy() else { return };
+        while self.next <= copy.log().last() {
+            let record = copy.log().record(self.next).unwrap();
+            self.clay.carve(&Sweep {
+                shape: self.shape,
+                from: Pose::from_steps(record.from),
+                to: Pose::from_steps(record.to),
+            });
+            self.next += 1;
+        }
+    }
 }
 
 impl Keeper {
@@ -90,7 +122,7 @@ impl Lot {
 
 /// A rig whose server is killed so often at random moments. Gives the rig, its disk, and how many sweeps the handle was
 /// told to be merged that the next server did not have.
-fn killed(scheme: Scheme, delay_ms: u32, seed: u64) -> (Rig, Keeper, Memory, u32) {
+fn killed(scheme: Scheme, delay_ms: u32, seed: u64) -> (Rig, Keeper, Memory, Felt, u32) {
     let mut lot = Lot(seed);
     let lines = both_ways(line(delay_ms, 0.3, 0.1), seed);
     let mut rig = carving(running(scheme), cutting(), Material::default(), lines);
@@ -100,11 +132,12 @@ fn killed(scheme: Scheme, delay_ms: u32, seed: u64) -> (Rig, Keeper, Memory, u32
     let hash = rig.block().clone().hash();
     let first = keeper.recorder.begin(rig.session(), Some(hash)).to_vec();
     keeper.push(&first, &rig);
-    let mut missing = 0;
+    let (mut felt, mut missing) = (Felt::new(&rig), 0);
     for kill in 0..KILLS {
         for _ in 0..500 + lot.draw(1500) {
             rig.tick();
             keeper.keep(&mut rig);
+            felt.watch(&rig);
         }
         let told = *rig.tool().frame();
         rig.halt_session(Halt::Program, Duration::from_secs(9));
@@ -114,6 +147,7 @@ fn killed(scheme: Scheme, delay_ms: u32, seed: u64) -> (Rig, Keeper, Memory, u32
             disk.crash();
         }
         rig.run_for(TICK * (100 + lot.draw(1500) as u32));
+        felt.watch(&rig);
         let (mut replay, last) = replayed(&disk, &rig);
         let mut state = replay.state();
         assert!(
@@ -147,7 +181,7 @@ fn killed(scheme: Scheme, delay_ms: u32, seed: u64) -> (Rig, Keeper, Memory, u32
             rig.renew_lease(0).unwrap();
         }
     }
-    (rig, keeper, disk, missing)
+    (rig, keeper, disk, felt, missing)
 }
 
 fn run(rig: &mut Rig, keeper: &mut Keeper, ticks: u32) {
@@ -163,10 +197,12 @@ fn no_cut_of_a_living_handle_is_lost_when_the_server_is_killed_while_it_cuts() {
     let (mut sweeps, mut cuts, mut missing) = (0, 0, 0);
     for seed in 0..12 {
         let delay_ms = [0, 5, 25, 60][seed as usize % 4];
-        let (mut rig, mut keeper, disk, lacked) = killed(Scheme::Replica, delay_ms, seed);
+        let (mut rig, mut keeper, disk, mut felt, lacked) = killed(Scheme::Replica, delay_ms, seed);
         run(&mut rig, &mut keeper, 1500);
+        felt.watch(&rig);
         rig.hold_handles_fast();
         run(&mut rig, &mut keeper, 6000);
+        felt.watch(&rig);
         let replica = rig.clay_copy().unwrap();
         assert_eq!(replica.state(), CopyState::Live, "seed {seed}");
         let log = replica.log();
@@ -177,6 +213,7 @@ fn no_cut_of_a_living_handle_is_lost_when_the_server_is_killed_while_it_cuts() {
             rig.session().clay().clone().hash(),
             "seed {seed}"
         );
+        assert_eq!(at_handle, felt.clay.hash(), "seed {seed}: a cut is lost");
         let (mut replay, _) = replayed(&disk, &rig);
         assert_eq!(replay.clay().hash(), at_handle, "seed {seed}");
         if seed.is_multiple_of(2) {
@@ -209,7 +246,7 @@ fn cuts_in(disk: &Memory) -> u32 {
 #[test]
 fn under_force_exchange_the_journal_is_the_servers_clay_and_the_tool_goes_on_cutting() {
     for seed in 0..8 {
-        let (mut rig, mut keeper, disk, _) = killed(Scheme::ForceExchange, 5, seed);
+        let (mut rig, mut keeper, disk, ..) = killed(Scheme::ForceExchange, 5, seed);
         let before = rig.session().clay().removed_units();
         run(&mut rig, &mut keeper, 1500);
         assert!(before < rig.session().clay().removed_units(), "seed {seed}");

@@ -20,11 +20,12 @@ use teleclay_shell::realtime::{Ends, Realtime};
 use teleclay_shell::ticker::{Next, Tick};
 
 use super::*;
-use crate::attachment::Arrived;
+use crate::attachment::{Arrived, LineEnds};
 use crate::device::DeviceKind;
 use crate::outbox::Sender;
 
 mod malice;
+mod renewed;
 mod replaced;
 
 const TICK_S: f64 = 1e-3;
@@ -130,7 +131,14 @@ struct Tool {
     _sender: Sender,
 }
 
+/// A tool side under a lease, and a new handle side for it.
 fn tool(lease: u32, clock: Clock) -> (Tool, Box<Attachment>) {
+    let (tool, ends) = line(lease, clock);
+    let attachment = Attachment::new(&granted(lease).parameters, ends).unwrap();
+    (tool, attachment)
+}
+
+fn line(lease: u32, clock: Clock) -> (Tool, LineEnds) {
     let (sent_to_network, sent) = mpsc::channel();
     let (outbox, sender) = Sender::spawn(clock, move |bytes| {
         sent_to_network
@@ -138,7 +146,7 @@ fn tool(lease: u32, clock: Clock) -> (Tool, Box<Attachment>) {
             .is_ok()
     })
     .unwrap();
-    let (attachment, arriving) = Attachment::new(&granted(lease), outbox).unwrap();
+    let (ends, arriving) = LineEnds::new(&granted(lease), outbox);
     let mut frame = ToolFrame {
         status: LoopStatus::Running,
         force_n: [-3.0, 0.0, 0.0],
@@ -154,7 +162,7 @@ fn tool(lease: u32, clock: Clock) -> (Tool, Box<Attachment>) {
             sent,
             _sender: sender,
         },
-        attachment,
+        ends,
     )
 }
 

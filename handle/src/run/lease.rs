@@ -3,24 +3,26 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use teleclay_bilateral::LinkState;
+use teleclay_bilateral::{LinkState, tool_setup};
 use teleclay_link::time::Timestamp;
 use teleclay_proto::PROTOCOL;
-use teleclay_proto::join::JoinRequest;
+use teleclay_proto::join::{JoinRequest, LoopParameters};
 use teleclay_shell::endpoint::Endpoint;
 use teleclay_shell::network::{self, Endpoints};
 use teleclay_shell::realtime::Realtime;
 use teleclay_shell::ticker::TickerConfig;
 use tokio::time::Instant;
 
+use super::known::{Known, is_same_loop};
 use super::{Failure, Rig, Run, close};
+use crate::attachment::{Attachment, LineEnds, Renewal};
 use crate::device::DeviceSetup;
 use crate::engine::{CAPACITIES, Engine, Order};
 use crate::event::Event;
 use crate::grant::JoinGrant;
 use crate::join::{self, JoinError, JoinTarget, OldLease};
-use crate::line::Line;
-use crate::refresh::lower;
+use crate::line::{Line, LineError};
+use crate::refresh::{Changed, lower};
 
 /// After the first lease under which no frame came.
 const FIRST_PAUSE: Duration = Duration::from_millis(200);
@@ -96,13 +98,13 @@ impl Run {
         self.open_slow(grant.granted.slow_endpoint.as_deref())
             .await?;
         let (_, slow) = self.slow.as_ref().expect("it was opened in the line above");
+        let follows = self.follows(&grant);
         // The old line first: it may use the same keys.
         self.line = None;
         let gone = self.gone.0.clone();
-        let (line, attachment) = Line::open(&self.control, slow, self.clock, grant, gone).await?;
+        let (line, ends) = Line::open(&self.control, slow, self.clock, grant, gone).await?;
         self.refreshing = None;
-        self.revision = parameters.revision;
-        self.context = Some(attachment.side.context().clone());
+        self.known = Known::of(&line.grant.granted);
         self.metrics.on_lease(line.grant.granted.lease);
         self.line = Some(line);
         self.emit(joined);
@@ -112,14 +114,68 @@ impl Run {
             .take_if(|rig| rig.setup == setup && !rig.ticker.is_finished());
         // A device that does not fit is let go before it is opened again.
         self.rig = None;
-        if let Some(mut rig) = fitting {
-            rig.ends
-                .orders
-                .push(Order::Attach(attachment))
-                .map_err(|_| Failure::ThreadEnded)?;
-            self.rig = Some(rig);
-            return Ok(());
+        match (fitting, follows) {
+            (Some(rig), Some(of)) => self.go_on(rig, Renewal { of, ends }, parameters),
+            (Some(rig), None) => {
+                let attachment = self.attachment(parameters, ends)?;
+                self.order(rig, Order::Attach(attachment))
+            }
+            (None, _) => {
+                let attachment = self.attachment(parameters, ends)?;
+                self.open_device(setup, attachment)
+            }
         }
+    }
+
+    /// The lease that a grant follows, where the handle side goes on. One run has one operator, and a lease that the
+    /// server has taken back is over with all that was under it.
+    fn follows(&self, grant: &JoinGrant) -> Option<u32> {
+        let held = &self.line.as_ref()?.grant;
+        let is_ours = self.taken_back != Some(held.granted.lease);
+        let goes_on = is_ours
+            && held.keys == grant.keys
+            && self.known.is_before(&grant.granted)
+            && is_same_loop(&held.granted, &grant.granted, &self.parameters);
+        goes_on.then_some(held.granted.lease)
+    }
+
+    /// A new handle side, for a tick that knows these parameters.
+    fn attachment(
+        &mut self,
+        parameters: LoopParameters,
+        ends: LineEnds,
+    ) -> Result<Box<Attachment>, Failure> {
+        let attachment = Attachment::new(&parameters, ends).map_err(LineError::from)?;
+        self.parameters = parameters;
+        self.context = Some(attachment.side.context().clone());
+        Ok(attachment)
+    }
+
+    /// The same handle side under another lease, with what has changed of its parameters meanwhile.
+    fn go_on(
+        &mut self,
+        rig: Rig,
+        renewal: Renewal,
+        parameters: LoopParameters,
+    ) -> Result<(), Failure> {
+        let lease = renewal.ends.lease();
+        let setup = tool_setup(&parameters).map_err(LineError::from)?;
+        self.order(rig, Order::Renew(Box::new(renewal)))?;
+        self.take_parameters(lease, Changed { parameters, setup });
+        Ok(())
+    }
+
+    fn order(&mut self, mut rig: Rig, order: Order) -> Result<(), Failure> {
+        let pushed = rig.ends.orders.push(order);
+        self.rig = Some(rig);
+        pushed.map_err(|_| Failure::ThreadEnded)
+    }
+
+    fn open_device(
+        &mut self,
+        setup: DeviceSetup,
+        attachment: Box<Attachment>,
+    ) -> Result<(), Failure> {
         let device = (self.options.open_device)(&setup).map_err(Failure::Open)?;
         let name = device.name().to_owned();
         let now = Timestamp::from_nanos(self.clock.now_ns());

@@ -4,9 +4,11 @@
 //! |---|---|
 //! | `lease` | looks for a server and takes the lease that it grants into use |
 //! | `ticks` | reads what the tick has recorded, and does what follows from it |
+//! | `known` | whether a lease goes on with what was held under the one before |
 //! | `failure` | why a run ended that was not asked to |
 
 mod failure;
+mod known;
 mod lease;
 mod ticks;
 
@@ -18,7 +20,7 @@ use teleclay_bilateral::LinkState;
 use teleclay_device::DeviceProfile;
 use teleclay_link::scheme::SchemeContext;
 use teleclay_proto::invite::InviteId;
-use teleclay_proto::join::FreshReply;
+use teleclay_proto::join::{FreshReply, LoopParameters};
 use teleclay_proto::{RealmName, SessionId};
 use teleclay_shell::endpoint::Endpoint;
 use teleclay_shell::network::{self, Endpoints};
@@ -41,6 +43,7 @@ use crate::recording::Recording;
 use crate::refresh::Fresh;
 use crate::singularity::SingularityMonitor;
 use crate::status::{Metrics, State, Status};
+use known::Known;
 
 pub use failure::{EXIT_CODES, Failure};
 
@@ -52,8 +55,6 @@ const STATUS_EVERY: Duration = Duration::from_secs(1);
 const REST_WITHIN: Duration = Duration::from_millis(500);
 /// Ticks that say goodbye at least: enough for one of them to get through a line that loses every second frame.
 const GOODBYES: u64 = 10;
-/// Longer than anybody waits.
-const NEVER: Duration = Duration::from_secs(u32::MAX as u64);
 /// A session that will not close is left to the end of the process.
 const CLOSE_WITHIN: Duration = Duration::from_secs(1);
 
@@ -145,11 +146,12 @@ async fn reach(
             others: Vec::new(),
         });
     };
-    let deadline = until.deadline.unwrap_or_else(|| Instant::now() + NEVER);
     let trusted = tokio::select! {
         trusted = options.door.wait(tell) => trusted?,
-        _ = until.stop.wait_for(|stop| *stop) => return Ok(None),
-        () = sleep_until(deadline) => {
+        () = end(until) => {
+            if *until.stop.borrow() {
+                return Ok(None);
+            }
             return Err(Failure::NoServer {
                 endpoint: options.door.endpoint.to_string(),
                 session: options.session.clone(),
@@ -199,8 +201,10 @@ struct Run {
     refreshing_for: u32,
     /// Nothing is fetched before.
     refresh_from: Instant,
-    /// Revision of the parameters that the tick works with.
-    revision: u32,
+    /// The parameters that the tick works with.
+    parameters: LoopParameters,
+    /// The session, as the tick has last heard of it.
+    known: Known,
     /// What controllers for the present lease are made from.
     context: Option<SchemeContext>,
     /// Time without a frame, as of the last record of the lease that is held.
@@ -245,7 +249,8 @@ impl Run {
             refreshing: None,
             refreshing_for: 0,
             refresh_from: started,
-            revision: 0,
+            parameters: LoopParameters::default(),
+            known: Known::default(),
             context: None,
             silence: Duration::ZERO,
             gone: unbounded_channel(),

@@ -8,6 +8,7 @@ use teleclay_link::scheme::handle_controller;
 use teleclay_proto::Scheme;
 use tokio::time::Instant;
 
+use super::known::{Known, is_nothing_new};
 use super::{Failure, Run};
 use crate::device::DeviceRequest;
 use crate::engine::{Order, Record};
@@ -15,12 +16,13 @@ use crate::event::Event;
 use crate::grant::JoinGrant;
 use crate::join;
 use crate::line::Gone;
-use crate::refresh::{self, Fresh, Wanted};
+use crate::refresh::{self, Changed, Fresh, Wanted};
 
 /// Without frames for this long a lease counts as lost. Shorter gaps mend themselves.
 const LOST_AFTER: Duration = Duration::from_secs(1);
-/// A copy of the clay goes on without frames, and what was cut since waits for the line: a new lease would give that
-/// up. The server holds a lease for 10 s of silence, so the old one is asked back for until shortly before.
+/// A copy of the clay goes on without frames, and what was cut since waits for the line: a new lease may be one of
+/// another tool, or of a session made anew, which would give that up. The server holds a lease for 10 s of silence, so
+/// the old one is hoped for until shortly before.
 const LOST_ON_COPY_AFTER: Duration = Duration::from_secs(8);
 /// A server whose end is seen was heard shortly before: a tick's records wait 20 ms, and the network's delay may be as
 /// long as sessions allow.
@@ -117,11 +119,17 @@ impl Run {
             return Ok(());
         }
         self.silence = Duration::from_nanos(record.silence_ns);
+        if record.is_heard {
+            self.known = Known {
+                ownership_epoch: record.ownership_epoch,
+                revision: record.wanted.revision,
+            };
+        }
         self.believe_gone(record.lease);
         self.on_link_state(record);
         self.refresh(record.lease, record.wanted);
         let is_on_copy = matches!(
-            record.link_state,
+            link_state_under_lease(record),
             LinkState::OnCopy | LinkState::OnStaleCopy
         );
         let lost_after = if is_on_copy {
@@ -139,7 +147,7 @@ impl Run {
 
     /// Fetches what the tick wants to know, one thing after the other.
     fn refresh(&mut self, lease: u32, wanted: Wanted) {
-        let wants_any = wanted.revision != self.revision || wanted.snapshot.is_some();
+        let wants_any = wanted.revision != self.parameters.revision || wanted.snapshot.is_some();
         let (Some(line), Some((_, slow)), None, true) =
             (&self.line, &self.slow, &self.refreshing, wants_any)
         else {
@@ -153,7 +161,7 @@ impl Run {
             slow.clone(),
             JoinGrant::clone(&line.grant),
             self.options.profile,
-            self.revision,
+            self.parameters.revision,
             wanted,
         )));
     }
@@ -161,8 +169,6 @@ impl Run {
     pub(super) fn on_refreshed(&mut self, fresh: Result<Fresh, String>) {
         self.refresh_from = Instant::now() + refresh::PAUSE;
         let lease = self.refreshing_for;
-        let Some(rig) = &mut self.rig else { return };
-        let orders = &mut rig.ends.orders;
         let Fresh {
             parameters,
             snapshot,
@@ -171,25 +177,40 @@ impl Run {
             Ok(fresh) => fresh,
             Err(reason) => return self.emit(Event::NotRefreshed { reason }),
         };
-        // Orders that find no room are lost, and what they carried is asked for again: the tick goes on wanting it.
-        if let Some(changed) = parameters
-            && orders
-                .push(Order::Move {
-                    lease,
-                    setup: changed.setup,
-                    deadband: changed.deadband,
-                })
-                .is_ok()
-        {
-            self.revision = changed.revision;
+        if let Some(changed) = parameters {
+            self.take_parameters(lease, changed);
         }
-        let Some(snapshot) = snapshot else { return };
+        let (Some(snapshot), Some(rig)) = (snapshot, &mut self.rig) else {
+            return;
+        };
         let epoch = snapshot.epoch;
-        if orders.push(Order::LoadSnapshot { lease, snapshot }).is_ok() {
+        if rig
+            .ends
+            .orders
+            .push(Order::LoadSnapshot { lease, snapshot })
+            .is_ok()
+        {
             self.emit(Event::Copied {
                 epoch,
                 took_s: took.as_secs_f64(),
             });
+        }
+    }
+
+    /// Tells the tick of parameters, if they say anything new. An order that finds no room is lost, and what it carried
+    /// is asked for again: the tick goes on wanting it.
+    pub(super) fn take_parameters(&mut self, lease: u32, changed: Changed) {
+        let Changed { parameters, setup } = changed;
+        let Some(rig) = &mut self.rig else { return };
+        // Most revisions are of something else: who holds a tool, which strokes the clay has.
+        let is_known = is_nothing_new(&self.parameters, &parameters);
+        let order = Order::Move {
+            lease,
+            setup,
+            deadband: parameters.deadband,
+        };
+        if is_known || rig.ends.orders.push(order).is_ok() {
+            self.parameters = parameters;
         }
     }
 
@@ -238,11 +259,12 @@ impl Run {
 
     fn on_link_state(&mut self, record: &Record) {
         let (lease, before, since) = self.link_state;
-        if (lease, before) == (record.lease, record.link_state) {
+        let link_state = link_state_under_lease(record);
+        if (lease, before) == (record.lease, link_state) {
             return;
         }
         let now = Instant::now();
-        self.link_state = (record.lease, record.link_state, now);
+        self.link_state = (record.lease, link_state, now);
         let was_lost = lease == record.lease
             && matches!(
                 before,
@@ -250,7 +272,7 @@ impl Run {
             );
         let was_held =
             lease == record.lease && matches!(before, LinkState::Paused | LinkState::Fault);
-        match record.link_state {
+        match link_state {
             // That the server has gone was told when it was seen.
             LinkState::NotYet | LinkState::Gone => {}
             LinkState::Live => {
@@ -273,7 +295,7 @@ impl Run {
                     .line
                     .as_ref()
                     .map_or(0.0, |line| line.grant.granted.parameters.silence_s);
-                self.emit(if record.link_state == LinkState::Silent {
+                self.emit(if link_state == LinkState::Silent {
                     Event::Silent { silence_s }
                 } else {
                     Event::OnCopy { silence_s }
@@ -291,5 +313,14 @@ impl Run {
         };
         let grant = JoinGrant::clone(&line.grant);
         self.freshening = Some(Box::pin(join::fresh(slow.clone(), grant)));
+    }
+}
+
+/// What was heard under the lease before says nothing of this one.
+fn link_state_under_lease(record: &Record) -> LinkState {
+    if record.is_heard {
+        record.link_state
+    } else {
+        LinkState::NotYet
     }
 }

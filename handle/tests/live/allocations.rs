@@ -11,9 +11,10 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use teleclay_device::DeviceSample;
 use teleclay_handle::device::{Device, DeviceCommand, DeviceError, DeviceRequest, SimulatedDevice};
 use teleclay_handle::intent::Intent;
+use teleclay_handle::status::Status;
 
 use super::holder::Holder;
-use super::server::{Server, free_endpoint};
+use super::server::{Server, Speech, free_endpoint};
 
 struct Counting;
 
@@ -54,8 +55,28 @@ struct Counter {
     device: SimulatedDevice,
     ticks: u64,
     at_start: u64,
-    /// Allocations over the steady ticks, once they are over.
+    /// The tick that is no longer counted.
+    end: Arc<AtomicU64>,
+    /// Allocations over the ticks that are counted, once they are over.
     result: Arc<AtomicU64>,
+}
+
+impl Counter {
+    fn start(endpoint: &str, end: &Arc<AtomicU64>, result: &Arc<AtomicU64>) -> Holder {
+        let (end, result) = (Arc::clone(end), Arc::clone(result));
+        Holder::start_with(
+            endpoint,
+            Box::new(move |setup| {
+                Ok(Box::new(Self {
+                    device: SimulatedDevice::new(&Intent::Cutting, setup)?,
+                    ticks: 0,
+                    at_start: 0,
+                    end: Arc::clone(&end),
+                    result: Arc::clone(&result),
+                }))
+            }),
+        )
+    }
 }
 
 const NOT_YET: u64 = u64::MAX;
@@ -71,7 +92,8 @@ impl Device for Counter {
         if self.ticks == WARM_UP {
             self.at_start = touched;
         }
-        if self.ticks == WARM_UP + STEADY {
+        let is_over = self.end.load(Ordering::Acquire) <= self.ticks;
+        if is_over && self.result.load(Ordering::Relaxed) == NOT_YET {
             self.result
                 .store(touched - self.at_start, Ordering::Release);
         }
@@ -92,19 +114,8 @@ async fn the_steady_tick_allocates_nothing() {
     let endpoint = free_endpoint();
     let _server = Server::start(&endpoint, &["lab"], 1).await;
     let result = Arc::new(AtomicU64::new(NOT_YET));
-    let counted = Arc::clone(&result);
-    let mut holder = Holder::start_with(
-        &endpoint,
-        Box::new(move |setup| {
-            let device = SimulatedDevice::new(&Intent::Cutting, setup)?;
-            Ok(Box::new(Counter {
-                device,
-                ticks: 0,
-                at_start: 0,
-                result: Arc::clone(&counted),
-            }))
-        }),
-    );
+    let end = Arc::new(AtomicU64::new(WARM_UP + STEADY));
+    let mut holder = Counter::start(&endpoint, &end, &result);
     holder
         .feels("enough ticks", |status| WARM_UP + STEADY < status.ticks)
         .await;
@@ -119,6 +130,32 @@ async fn the_steady_tick_allocates_nothing() {
         0,
         "allocations in {STEADY} ticks"
     );
+}
+
+/// The server falls silent, another lease follows, and the same handle side goes on under it.
+#[tokio::test(flavor = "multi_thread")]
+async fn going_on_under_another_lease_allocates_nothing_on_the_tick() {
+    let endpoint = free_endpoint();
+    let server = Server::start(&endpoint, &["lab"], 1).await;
+    let result = Arc::new(AtomicU64::new(NOT_YET));
+    let end = Arc::new(AtomicU64::new(u64::MAX));
+    let mut holder = Counter::start(&endpoint, &end, &result);
+    let warm = |status: &Status| 2 * WARM_UP < status.ticks && WARM_UP < status.received;
+    holder.feels("enough ticks", warm).await;
+    let [_, before] = *server.mood.numbers.lock().unwrap();
+    server.speak(Speech::Silence);
+    assert_eq!(holder.joins().await, 2);
+    server.speak(Speech::Frames);
+    holder.goes_live().await;
+    let [first, _] = *server.mood.numbers.lock().unwrap();
+    assert!(before < first, "the same handle side");
+    end.store(0, Ordering::Release);
+    let so_far = holder.feels("one more tick", |_| true).await.ticks;
+    holder
+        .feels("the next", |status| so_far < status.ticks)
+        .await;
+    holder.ends().await.outcome.unwrap();
+    assert_eq!(result.load(Ordering::Acquire), 0, "allocations");
 }
 
 /// The count counts: a device that allocates is found out.

@@ -15,7 +15,9 @@ use teleclay_proto::frame::LoopStatus;
 use teleclay_proto::join::{JoinReply, LoopParameters, RefusalCode};
 
 use super::holder::{Holder, Quirks, Told};
-use super::server::{Door, PUSH_N, Seen, Server, Speech, free_endpoint, keys, parameters};
+use super::server::{
+    Door, PUSH_N, Progress, Seen, Server, Speech, free_endpoint, keys, parameters,
+};
 
 /// Two ramps of 50 ticks run at once at most, the watchdog's and the status's: 2/50 of the push in a tick.
 const FORCE_STEP_N: f64 = PUSH_N * 2.0 / 50.0 + 1e-9;
@@ -128,9 +130,12 @@ async fn a_lease_without_frames_is_exchanged_for_another() {
             (seen == Seen::Leave(1)).then_some(())
         })
         .await;
+    let [_, before] = *server.mood.numbers.lock().unwrap();
     assert_eq!(holder.joins().await, 2);
     let back_at = server.speak(Speech::Frames);
     assert_eq!(holder.goes_live().await, None, "another lease");
+    let [first, _] = *server.mood.numbers.lock().unwrap();
+    assert!(500 < before && before < first, "the same handle side");
     felt(&mut holder).await;
     let (told, opened) = (Arc::clone(&holder.told), Arc::clone(&holder.opened));
     let ending = holder.ends().await;
@@ -141,10 +146,12 @@ async fn a_lease_without_frames_is_exchanged_for_another() {
     assert_released(&told.lock().unwrap(), silent_since, back_at);
 }
 
-#[tokio::test(flavor = "multi_thread")]
-async fn a_server_that_comes_back_with_new_leases_is_joined_again_without_a_step() {
+/// A server is killed, and one that has come so far serves the same endpoint. Gives the number of the last frame that
+/// the first heard, and of the first that the second did.
+async fn killed(next: Progress) -> [u32; 2] {
     let endpoint = free_endpoint();
     let server = Server::start(&endpoint, &["lab"], 1).await;
+    let mood = Arc::clone(&server.mood);
     let mut holder = Holder::start(&endpoint, Quirks::default());
     felt(&mut holder).await;
     let silent_since = Instant::now();
@@ -154,18 +161,74 @@ async fn a_server_that_comes_back_with_new_leases_is_joined_again_without_a_step
         .feels("nothing", |status| status.felt_force_n == [0.0; 3])
         .await;
     let back_at = Instant::now();
-    let mut server = Server::start(&endpoint, &["lab"], 100).await;
+    let mut server = Server::recover(&endpoint, &["lab"], 100, parameters(), next).await;
     assert_eq!(holder.joins().await, 100);
     server
         .sees("frames under the new lease", |seen| {
             (seen == Seen::FirstFrame(100)).then_some(())
         })
         .await;
+    assert_eq!(holder.goes_live().await, None, "another lease");
+    felt(&mut holder).await;
+    let (told, opened) = (Arc::clone(&holder.told), Arc::clone(&holder.opened));
+    holder.ends().await.outcome.unwrap();
+    assert_eq!(opened.lock().unwrap().len(), 1, "the device stays open");
+    assert_smooth(&told.lock().unwrap());
+    assert_released(&told.lock().unwrap(), silent_since, back_at);
+    let [_, last] = *mood.numbers.lock().unwrap();
+    let [first, _] = *server.mood.numbers.lock().unwrap();
+    [last, first]
+}
+
+/// The session of that name knows nothing of what the hand has done: its frames are numbered anew.
+#[tokio::test(flavor = "multi_thread")]
+async fn a_server_that_comes_back_with_a_session_made_anew_is_joined_again_without_a_step() {
+    let [last, first] = killed(Progress {
+        ownership_epoch: 1,
+        revision: 0,
+    })
+    .await;
+    assert!(first < last, "frame {first} after {last}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_server_that_comes_back_with_the_session_finds_the_same_handle_side() {
+    let [last, first] = killed(Progress {
+        ownership_epoch: 2,
+        revision: 0,
+    })
+    .await;
+    // A second and more went by without anybody who heard.
+    assert!(last + 100 < first, "frame {first} after {last}");
+}
+
+/// What was under a lease that the server itself has ended is over with it, though the session is the same.
+#[tokio::test(flavor = "multi_thread")]
+async fn after_a_lease_that_was_taken_back_the_handle_begins_anew() {
+    let endpoint = free_endpoint();
+    let mut server = Server::start(&endpoint, &["lab"], 1).await;
+    let mut holder = Holder::start(&endpoint, Quirks::default());
+    felt(&mut holder).await;
+    server.take_back("the lesson is over").await;
+    holder
+        .tells("that the tool is taken back", |event| {
+            matches!(event, Event::TakenBack { reason } if reason == "the lesson is over")
+                .then_some(())
+        })
+        .await;
+    let [_, last] = *server.mood.numbers.lock().unwrap();
+    assert_eq!(holder.joins().await, 2);
+    server
+        .sees("frames under the new lease", |seen| {
+            (seen == Seen::FirstFrame(2)).then_some(())
+        })
+        .await;
+    let [first, _] = *server.mood.numbers.lock().unwrap();
+    assert!(first < last, "frame {first} after {last}");
     felt(&mut holder).await;
     let told = Arc::clone(&holder.told);
     holder.ends().await.outcome.unwrap();
     assert_smooth(&told.lock().unwrap());
-    assert_released(&told.lock().unwrap(), silent_since, back_at);
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -15,8 +15,8 @@ use teleclay_channel::{
 use teleclay_proto::frame::{Engagement, HandleFrame, LoopStatus, MAX_FRAME, ToolFrame};
 use teleclay_proto::http::ClayShape;
 use teleclay_proto::join::{
-    ChallengeReply, ChallengeRequest, ClayDescription, FreshReply, Granted, JoinReply, JoinRequest,
-    LeaseRequest, LeaveReply, LoopParameters, SealedJoin, SealedReply,
+    ChallengeReply, ChallengeRequest, ClayDescription, Farewell, FreshReply, Granted, JoinReply,
+    JoinRequest, LeaseRequest, LeaveReply, LoopParameters, SealedJoin, SealedReply,
 };
 use teleclay_proto::keys::SessionKeys;
 use teleclay_proto::{NodeName, RealmName, Scheme, SessionId};
@@ -77,7 +77,26 @@ pub(crate) struct Mood {
     pub(crate) speech: Mutex<Speech>,
     pub(crate) fresh: Mutex<FreshReply>,
     pub(crate) status: Mutex<LoopStatus>,
+    /// How far the session has come.
+    progress: Mutex<Progress>,
+    /// Number of the first frame that came under the present lease, and of the newest.
+    pub(crate) numbers: Mutex<[u32; 2]>,
 }
+
+/// How far a session has come.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Progress {
+    /// Counts the servers that have run it.
+    pub(crate) ownership_epoch: u32,
+    /// Counts its changes; a lease is one.
+    pub(crate) revision: u32,
+}
+
+/// A session that was just made.
+const FRESH: Progress = Progress {
+    ownership_epoch: 1,
+    revision: 0,
+};
 
 /// The server. Dropping it ends its sessions; [`kill`](Self::kill) waits for that.
 pub(crate) struct Server {
@@ -85,6 +104,7 @@ pub(crate) struct Server {
     pub(crate) slow: Session,
     seen: UnboundedReceiver<Seen>,
     control: Session,
+    served: Vec<ServedSession>,
     _queryables: Vec<Queryable<()>>,
     _subscribers: Vec<Subscriber<()>>,
 }
@@ -132,6 +152,17 @@ impl Server {
         first_lease: u32,
         parameters: LoopParameters,
     ) -> Self {
+        Self::recover(endpoint, nodes, first_lease, parameters, FRESH).await
+    }
+
+    /// With a session that has come so far.
+    pub(crate) async fn recover(
+        endpoint: &str,
+        nodes: &[&str],
+        first_lease: u32,
+        parameters: LoopParameters,
+        progress: Progress,
+    ) -> Self {
         let neighbour = endpoint
             .parse()
             .map(|endpoint: Endpoint| endpoint.neighbour(1));
@@ -151,9 +182,12 @@ impl Server {
             speech: Mutex::new(Speech::Frames),
             fresh: Mutex::new(FreshReply::Fresh { epoch: 2 }),
             status: Mutex::new(LoopStatus::Running),
+            progress: Mutex::new(progress),
+            numbers: Mutex::default(),
         });
         let next_lease = Arc::new(AtomicU32::new(first_lease));
         let (mut queryables, mut subscribers) = (Vec::new(), Vec::new());
+        let mut all_served = Vec::new();
         for node in nodes {
             let served = ServedSession {
                 keys: keys(),
@@ -170,12 +204,14 @@ impl Server {
                 queryables.extend(served.open(session).await);
             }
             subscribers.push(served.work(&control).await);
+            all_served.push(served);
         }
         Self {
             mood,
             slow,
             seen,
             control,
+            served: all_served,
             _queryables: queryables,
             _subscribers: subscribers,
         }
@@ -203,6 +239,22 @@ impl Server {
     pub(crate) fn speak(&self, speech: Speech) -> Instant {
         *self.mood.speech.lock().unwrap() = speech;
         Instant::now()
+    }
+
+    /// Takes the first node's tool away from whoever holds it, and says so.
+    pub(crate) async fn take_back(&self, reason: &str) {
+        let served = &self.served[0];
+        let lease = served.lease.swap(0, Ordering::Relaxed);
+        let channel = served.channel.lock().unwrap().clone();
+        let farewell = bytes(&Farewell {
+            lease,
+            reason: reason.to_owned(),
+        });
+        let sealed = channel
+            .expect("it was made with the lease")
+            .seal(Purpose::Leave, &farewell);
+        let key = served.keys.tool_farewell(TOOL);
+        self.control.put(key, sealed).await.expect("it is open");
     }
 
     /// Ends it, as the end of its process would: nobody is told.
@@ -294,7 +346,7 @@ impl ServedSession {
             Answering::hear(&Secret::of_token(TOKEN), context, &join.message)
                 .expect("the handle knows the token");
         self.emit(Seen::Join(read(&request)));
-        let parameters = match &*self.mood.door.lock().unwrap() {
+        let mut parameters = match &*self.mood.door.lock().unwrap() {
             Door::Open(parameters) => **parameters,
             Door::Says(said) => {
                 let (message, _) = answering.answer(said);
@@ -303,9 +355,15 @@ impl ServedSession {
             Door::Shouts(shouted) => return Some(shouted.clone()),
         };
         let lease = self.next_lease.fetch_add(1, Ordering::Relaxed);
+        let progress = {
+            let mut progress = self.mood.progress.lock().unwrap();
+            progress.revision += 1;
+            *progress
+        };
+        parameters.revision = progress.revision;
         let granted = bytes(&JoinReply::Granted(Box::new(Granted {
             lease,
-            ownership_epoch: 1,
+            ownership_epoch: progress.ownership_epoch,
             node: self.node.clone(),
             tool: TOOL,
             lease_s: 5.0,
@@ -385,8 +443,10 @@ impl Tool {
         if lease != self.served.lease.load(Ordering::Relaxed) {
             return;
         }
+        self.served.mood.numbers.lock().unwrap()[1] = frame.header.sequence;
         if self.greeted != lease {
             self.greeted = lease;
+            self.served.mood.numbers.lock().unwrap()[0] = frame.header.sequence;
             self.served.emit(Seen::FirstFrame(lease));
         }
         if frame.engagement == Engagement::Leaving && self.left != lease {
@@ -404,7 +464,9 @@ impl Tool {
             ..ToolFrame::default()
         };
         answer.header.lease = lease;
-        answer.header.ownership_epoch = frame.header.ownership_epoch;
+        let progress = *self.served.mood.progress.lock().unwrap();
+        answer.header.ownership_epoch = progress.ownership_epoch;
+        answer.header.revision = progress.revision;
         answer.header.sequence = self.sequence;
         answer.header.scheme = frame.header.scheme;
         answer.header.sent_ns = self.clock.now_ns();

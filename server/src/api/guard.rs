@@ -75,8 +75,10 @@ pub(crate) async fn require_token(
         Err(failure) => failure.into_response(),
     };
     let status = answer.status().as_u16();
-    if changes || matches!(status, 401 | 403 | 429) {
-        deed.outcome = status.to_string();
+    deed.outcome = status.to_string();
+    if matches!(status, 401 | 403 | 429) {
+        doors.tell_refused_deed(deed);
+    } else if changes {
         doors.tell_deed(deed);
     }
     answer
@@ -89,7 +91,7 @@ enum About<'a> {
     Session(&'a str),
     /// The server.
     Server,
-    /// Nobody's.
+    /// What is nobody's, such as a calculation.
     Nothing,
 }
 
@@ -140,24 +142,23 @@ impl<'a> Need<'a> {
             }
             About::Server => Err(NOT_ALLOWED
                 .because("this concerns the whole server, and the invite is to one session")),
-            _ if pass.role < self.role => Err(NOT_ALLOWED.because(format!(
-                "this is for an {}, and the invite is for an {}",
-                self.role, pass.role
-            ))),
-            _ => Ok(()),
+            _ => check_role(pass, self.role),
         }
     }
 }
 
-/// What is said to a guest who asks on a stream for what only an admin may do.
+/// Whether a pass is one of this role, or of a further one.
 ///
 /// # Errors
-/// The pass is not good for it.
-pub(crate) fn check_admin(pass: &Pass) -> Result<(), Failure> {
-    if Role::Admin <= pass.role {
+/// It is not.
+pub(crate) fn check_role(pass: &Pass, needed: Role) -> Result<(), Failure> {
+    if needed <= pass.role {
         return Ok(());
     }
-    let words = format!("this is for an admin, and the invite is for: {}", pass.role);
+    let words = format!(
+        "this takes the role {needed}, and the invite is for the role {}",
+        pass.role
+    );
     Err(NOT_ALLOWED.because(words))
 }
 

@@ -378,11 +378,16 @@ impl Directory {
             answering.answer(&serde_json::to_vec(reply).expect("plain data has a JSON form"))
         };
         let admitted = self.admit(id, &payload, &pass).await;
-        let outcome = match &admitted {
-            Ok((_, granted)) => format!("lease {} of tool {}", granted.lease, granted.tool),
-            Err((code, _)) => code.to_string(),
-        };
-        self.0.doors.tell(&pass.who, "join", Some(id), &outcome);
+        match &admitted {
+            Ok((_, granted)) => {
+                let outcome = format!("lease {} of tool {}", granted.lease, granted.tool);
+                self.0.doors.tell(&pass.who, "join", Some(id), &outcome);
+            }
+            Err((code, _)) => self
+                .0
+                .doors
+                .tell_refused(&pass.who, "join", Some(id), code.word()),
+        }
         let message = match admitted {
             Ok((live, granted)) => {
                 let (slot, lease) = (slot_of(granted.tool), granted.lease);
@@ -424,7 +429,12 @@ impl Directory {
         let mut gone = Vec::new();
         for live in self.lives() {
             for (slot, holder) in live.channels().holders() {
-                if self.0.doors.is_good(&holder.pass) || live.leave(holder.lease).await.is_err() {
+                let holds = live.shared.snapshot().slot_of(holder.lease).is_some();
+                if !holds || self.0.doors.is_good(&holder.pass) {
+                    continue;
+                }
+                // It may have left meanwhile.
+                if live.leave(holder.lease).await.is_err() {
                     continue;
                 }
                 let who = &holder.pass.who;

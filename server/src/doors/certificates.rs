@@ -9,7 +9,7 @@ use teleclay_doors::{Authority, Identity};
 use teleclay_front::Security;
 
 /// A certificate that was given is looked at again this often.
-const LOOK_EVERY: Duration = Duration::from_secs(10);
+pub(crate) const LOOK_EVERY: Duration = Duration::from_secs(10);
 
 /// Where the certificate comes from.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -37,8 +37,9 @@ impl Source {
         }
     }
 
-    /// Shows each certificate that is put in place of the one that was given, for as long as it is waited for.
-    pub(crate) async fn follow(self, security: Security) {
+    /// Shows each certificate that is put in place of the one that was given, for as long as it is waited for; looks
+    /// again `every` so often.
+    pub(crate) async fn follow(self, security: Security, every: Duration) {
         let Self::Given { chain, key } = self else {
             return std::future::pending().await;
         };
@@ -51,7 +52,7 @@ impl Source {
             || -> (Option<SystemTime>, Option<SystemTime>) { (changed(&chain), changed(&key)) };
         let mut shown = version();
         loop {
-            tokio::time::sleep(LOOK_EVERY).await;
+            tokio::time::sleep(every).await;
             let now = version();
             if now == shown {
                 continue;
@@ -134,5 +135,57 @@ mod tests {
         for bad in ["", "my_box", "-a", "a..b", "a b", "lab.example."] {
             assert!(!is_name(bad), "{bad}");
         }
+    }
+
+    #[tokio::test]
+    async fn a_certificate_that_is_put_in_place_of_the_one_that_was_given_is_shown_without_a_restart()
+     {
+        let folder = std::env::temp_dir();
+        let folder = folder.join(format!("teleclay-follow-{}", std::process::id()));
+        let [one, other] = ["one", "other"].map(|name| {
+            let authority = Authority::open(&folder.join(name)).unwrap();
+            authority.issue(&["127.0.0.1".to_owned()]).unwrap()
+        });
+        let (chain, key) = (folder.join("chain.pem"), folder.join("key.pem"));
+        let put = |identity: &Identity| {
+            std::fs::write(&chain, &identity.chain_pem).unwrap();
+            std::fs::write(&key, &identity.key_pem).unwrap();
+        };
+        put(&one);
+        let security = Security::new(&one.chain_pem, &one.key_pem).unwrap();
+        let listener = teleclay_front::bind(([127, 0, 0, 1], 0).into()).unwrap();
+        let port = listener.local_addr().unwrap().port();
+        let served = teleclay_front::serve(
+            listener,
+            axum::Router::new(),
+            Some(security.clone()),
+            std::future::pending(),
+        );
+        tokio::spawn(served);
+        let source = Source::Given {
+            chain: chain.clone(),
+            key: key.clone(),
+        };
+        tokio::spawn(source.follow(security, Duration::from_millis(5)));
+        let endpoint = format!("tls/127.0.0.1:{port}").parse().unwrap();
+        let shows = async |identity: &Identity| {
+            let looked =
+                teleclay_shell::certificate::trusted(&endpoint, Some(identity.fingerprint));
+            looked.await.is_ok()
+        };
+        assert!(shows(&one).await && !shows(&other).await);
+        // Half of it is no certificate, and changes nothing.
+        std::fs::write(&chain, &other.chain_pem[..other.chain_pem.len() / 3]).unwrap();
+        assert!(shows(&one).await);
+        put(&other);
+        let began = std::time::Instant::now();
+        while !shows(&other).await {
+            assert!(
+                began.elapsed() < Duration::from_secs(30),
+                "it is never shown"
+            );
+        }
+        assert!(!shows(&one).await);
+        std::fs::remove_dir_all(folder).unwrap();
     }
 }

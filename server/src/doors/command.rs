@@ -12,8 +12,6 @@ use teleclay_doors::{Invite, Invites};
 use teleclay_proto::invite::{Fingerprint, InviteId, InviteLine, InviteToken, Role};
 use teleclay_proto::{RealmName, SessionId};
 
-use crate::settings::default_data_dir;
-
 /// Where a running server can be reached, as it writes it into its data folder for these commands.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Address {
@@ -181,4 +179,17 @@ fn row(id: InviteId, invite: &Invite, now: SystemTime) -> String {
         (None, None) => "until it is taken back".to_owned(),
     };
     format!("{id}  {:9}  {}  {state}", invite.role, invite.session)
+}
+
+/// The data folder where none is named.
+pub(crate) fn default_data_dir() -> anyhow::Result<PathBuf> {
+    let set = |name| {
+        std::env::var_os(name)
+            .filter(|value| !value.is_empty())
+            .map(PathBuf::from)
+    };
+    let base = set("XDG_DATA_HOME").or_else(|| set("HOME").map(|home| home.join(".local/share")));
+    Ok(base
+        .context("neither XDG_DATA_HOME nor HOME is set: give --data-dir")?
+        .join("teleclay"))
 }

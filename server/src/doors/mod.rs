@@ -147,7 +147,7 @@ impl Doors {
         challenges.check(now, &challenge).map_err(unwelcome)?;
         let rejected = |reason: &str| {
             let who = join.invite.map_or(Who::Anybody, Who::Guest);
-            self.tell(&who, "join", Some(session), "rejected");
+            self.tell_refused(&who, "join", Some(session), "rejected");
             Some((RefusalCode::TokenRejected, reason.to_owned()))
         };
         let (secret, pass) = match join.invite {
@@ -184,21 +184,33 @@ impl Doors {
         }
     }
 
-    /// Writes down what somebody did, or was kept from.
+    /// Writes down what somebody did.
     pub(crate) fn tell(&self, who: &Who, did: &str, session: Option<&SessionId>, outcome: &str) {
-        self.tell_deed(Deed {
-            who: who.to_string(),
-            from: None,
-            did: did.to_owned(),
-            session: session.map(ToString::to_string),
-            outcome: outcome.to_owned(),
-        });
+        self.tell_deed(deed(who, did, session, outcome));
     }
 
-    /// The same, with all that is known of it.
+    /// Writes down what somebody was kept from.
+    pub(crate) fn tell_refused(
+        &self,
+        who: &Who,
+        did: &str,
+        session: Option<&SessionId>,
+        outcome: &str,
+    ) {
+        self.tell_refused_deed(deed(who, did, session, outcome));
+    }
+
+    /// As [`tell`](Self::tell), with all that is known of it.
     pub(crate) fn tell_deed(&self, deed: Deed) {
         if let Some(audit) = &self.audit {
             audit.tell(deed);
+        }
+    }
+
+    /// As [`tell_refused`](Self::tell_refused), with all that is known of it.
+    pub(crate) fn tell_refused_deed(&self, deed: Deed) {
+        if let Some(audit) = &self.audit {
+            audit.tell_refused(Instant::now(), deed);
         }
     }
 
@@ -224,6 +236,16 @@ impl std::fmt::Debug for Doors {
         f.debug_struct("Doors")
             .field("needs_token", &self.needs_token())
             .finish_non_exhaustive()
+    }
+}
+
+fn deed(who: &Who, did: &str, session: Option<&SessionId>, outcome: &str) -> Deed {
+    Deed {
+        who: who.to_string(),
+        from: None,
+        did: did.to_owned(),
+        session: session.map(ToString::to_string),
+        outcome: outcome.to_owned(),
     }
 }
 

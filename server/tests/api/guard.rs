@@ -333,14 +333,15 @@ fn wrong_tokens_are_looked_at_twenty_times_and_then_one_a_second() {
 }
 
 /// Invites to `session`, one for each role, as a command beside a running server makes them.
-struct Guests {
-    data: PathBuf,
-    invites: Invites,
-    tokens: Vec<String>,
+pub(crate) struct Guests {
+    pub(crate) data: PathBuf,
+    pub(crate) invites: Invites,
+    /// Of a spectator, an operator and an admin.
+    pub(crate) tokens: Vec<String>,
 }
 
 impl Guests {
-    fn of(session: &str) -> Self {
+    pub(crate) fn of(session: &str) -> Self {
         let data = PathBuf::from(env!("CARGO_TARGET_TMPDIR"));
         let data = data.join(format!("guests-{}-{session}", std::process::id()));
         std::fs::create_dir_all(&data).unwrap();
@@ -358,7 +359,7 @@ impl Guests {
         }
     }
 
-    fn site(&self) -> Site {
+    pub(crate) fn site(&self) -> Site {
         let invites = Invites::open(&self.data).unwrap();
         let audit = Audit::open(&self.data).unwrap();
         let doors = Doors::with_token(TOKEN).and_guests(invites).watched(audit);

@@ -2,6 +2,7 @@
 
 mod answers;
 mod bodies;
+mod burdens;
 mod calls;
 mod connection;
 mod description;

@@ -1,18 +1,17 @@
 //! The WebSocket, as a watcher meets it.
 
-use std::io::Write as _;
 use std::net::TcpStream;
-use std::time::{Duration, Instant};
+use std::time::{Instant, SystemTime};
 
 use serde_json::{Value, json};
 use teleclay_proto::http::{Problem, Session};
+use teleclay_proto::invite::InviteToken;
 use teleclay_proto::watch::{BrickBody, BricksKind, Message as Binary, ServerText};
 use tokio_tungstenite::tungstenite::handshake::client::generate_key;
 use tokio_tungstenite::tungstenite::http::Request;
-use tokio_tungstenite::tungstenite::protocol::frame::Frame;
-use tokio_tungstenite::tungstenite::protocol::frame::coding::{Data, OpCode};
-use tokio_tungstenite::tungstenite::{Error, Message, WebSocket, client};
+use tokio_tungstenite::tungstenite::{Message, WebSocket, client};
 
+use crate::guard::Guests;
 use crate::rig::{PATIENCE, eventually, shared};
 use crate::wire::{Answer, Ask, Site};
 
@@ -25,6 +24,16 @@ impl Stream {
     }
 
     fn open_on(connection: TcpStream, site: &Site, session: &str) -> Self {
+        Self::open_offering("other, teleclay.v1", connection, site, session)
+    }
+
+    /// For whoever shows this token.
+    fn open_with(token: &str, site: &Site, session: &str) -> Self {
+        let offered = format!("teleclay.v1, bearer.{token}");
+        Self::open_offering(&offered, site.connect(), site, session)
+    }
+
+    fn open_offering(offered: &str, connection: TcpStream, site: &Site, session: &str) -> Self {
         let request = Request::builder()
             .uri(format!(
                 "ws://{}/api/v1/sessions/{session}/stream",
@@ -35,7 +44,7 @@ impl Stream {
             .header("Upgrade", "websocket")
             .header("Sec-WebSocket-Version", "13")
             .header("Sec-WebSocket-Key", generate_key())
-            .header("Sec-WebSocket-Protocol", "other, teleclay.v1")
+            .header("Sec-WebSocket-Protocol", offered)
             .body(())
             .unwrap();
         let (socket, answer) = client(request, connection).unwrap();
@@ -63,7 +72,7 @@ impl Stream {
         site.send(&ask)
     }
 
-    fn next(&mut self) -> Message {
+    pub(crate) fn next(&mut self) -> Message {
         self.0.read().unwrap()
     }
 
@@ -75,12 +84,16 @@ impl Stream {
         self.0.send(Message::text(text.to_string())).unwrap();
     }
 
-    fn subscribe(&mut self, telemetry: &str, bricks: &str) {
+    pub(crate) fn subscribe(&mut self, telemetry: &str, bricks: &str) {
         self.say(&json!({ "type": "subscribe", "telemetry": telemetry, "bricks": bricks }));
     }
 
     /// Reads on until a text is what is wanted.
-    fn until<T>(&mut self, what: &str, mut wanted: impl FnMut(ServerText) -> Option<T>) -> T {
+    pub(crate) fn until<T>(
+        &mut self,
+        what: &str,
+        mut wanted: impl FnMut(ServerText) -> Option<T>,
+    ) -> T {
         let began = Instant::now();
         loop {
             assert!(began.elapsed() < PATIENCE, "waited in vain: {what}");
@@ -107,7 +120,7 @@ impl Stream {
     }
 
     /// Everything that was said before is answered once this returns.
-    fn catch_up(&mut self) {
+    pub(crate) fn catch_up(&mut self) {
         self.say(&json!({ "type": "ping", "nonce": 4711 }));
         self.until("a pong", |text| {
             (text == ServerText::Pong { nonce: 4711 }).then_some(())
@@ -115,7 +128,7 @@ impl Stream {
     }
 
     /// Reads the rest; the code and reason that the server closes with.
-    fn ending(mut self) -> (u16, String) {
+    pub(crate) fn ending(mut self) -> (u16, String) {
         let began = Instant::now();
         loop {
             assert!(began.elapsed() < PATIENCE, "the stream does not end");
@@ -133,6 +146,44 @@ impl Stream {
         self.0.close(None).unwrap();
         while self.0.read().is_ok() {}
     }
+}
+
+#[test]
+fn a_guest_watches_changes_what_the_role_allows_and_goes_when_the_invite_ends() {
+    let open = shared().site();
+    let session = shared().session(&open);
+    let guests = Guests::of(&session);
+    let site = guests.site();
+    let change = json!({ "type": "patch", "session": { "deadband": 0.05 } });
+    let fresh = json!({ "type": "reset", "clay": {} });
+    let [spectator, operator, admin] = [0, 1, 2].map(|role| {
+        let mut stream = Stream::open_with(&guests.tokens[role], &site, &session);
+        stream.state(|_| true);
+        stream
+    });
+    let mut watching = Vec::new();
+    for mut stream in [spectator, operator] {
+        for asked in [&change, &fresh] {
+            stream.say(asked);
+            assert_eq!(stream.problem().status, 403);
+        }
+        watching.push(stream);
+    }
+    let before: Session = open.get(&format!("/api/v1/sessions/{session}")).json();
+    assert_eq!((before.deadband, before.clay.epoch), (0.0, 1));
+    let mut admin = admin;
+    admin.say(&change);
+    admin.state(|session| 0.0 < session.deadband);
+    for (token, stream) in guests.tokens.iter().zip(watching) {
+        let id = token.parse::<InviteToken>().unwrap().id();
+        guests.invites.revoke(SystemTime::now(), id).unwrap();
+        assert_eq!(stream.ending(), (4403, "the invite has ended".to_owned()));
+    }
+    // Others stay.
+    admin.catch_up();
+    admin.leave();
+    open.delete(&format!("/api/v1/sessions/{session}"));
+    std::fs::remove_dir_all(&guests.data).unwrap();
 }
 
 #[test]
@@ -429,168 +480,4 @@ fn an_ended_session_ends_its_streams_and_says_so() {
     });
     assert!(shown.text().contains("teleclay_stream_sent_bytes_total"));
     site.delete(&format!("/api/v1/sessions/{session}"));
-}
-
-#[test]
-fn a_message_that_is_too_long_ends_the_stream() {
-    let rig = shared();
-    let site = rig.site();
-    let session = rig.session(&site);
-    let mut stream = Stream::open(&site, &session);
-    // As long as may be.
-    let fits = format!("{:<16384}", "{\"type\":\"ping\",\"nonce\":4711}");
-    stream.0.send(Message::text(fits)).unwrap();
-    stream.until("a pong", |text| {
-        matches!(text, ServerText::Pong { .. }).then_some(())
-    });
-    stream.0.send(Message::text(" ".repeat(16_385))).unwrap();
-    assert_eq!(stream.ending().0, 1009);
-    // And in pieces that are each short enough.
-    let mut stream = Stream::open(&site, &session);
-    for (opcode, is_final) in [(Data::Text, false), (Data::Continue, true)] {
-        let part = Frame::message(" ".repeat(9000), OpCode::Data(opcode), is_final);
-        stream.0.send(Message::Frame(part)).unwrap();
-    }
-    assert_eq!(stream.ending().0, 1009);
-    site.delete(&format!("/api/v1/sessions/{session}"));
-}
-
-#[test]
-fn what_breaks_the_protocol_ends_the_stream_with_its_code() {
-    let rig = shared();
-    let site = rig.site();
-    let session = rig.session(&site);
-    let mut stream = Stream::open(&site, &session);
-    let not_text = Frame::message(vec![0xff, 0xfe], OpCode::Data(Data::Text), true);
-    stream.0.send(Message::Frame(not_text)).unwrap();
-    assert_eq!(stream.ending().0, 1007);
-    let mut stream = Stream::open(&site, &session);
-    // A frame with reserved bits, written past the library.
-    stream
-        .0
-        .get_mut()
-        .write_all(&[0xf1, 0x80, 0, 0, 0, 0])
-        .unwrap();
-    assert_eq!(stream.ending().0, 1002);
-    // A connection that is simply gone is noticed too.
-    drop(Stream::open(&site, &session));
-    eventually("a lost stream is counted", || {
-        site.get("/metrics")
-            .text()
-            .contains("streams_ended_total{reason=\"lost\"} 1")
-    });
-    site.delete(&format!("/api/v1/sessions/{session}"));
-}
-
-/// Fresh blocks without pause, each of 4096 bricks: a keyframe of 32 kB, wanted many times a second.
-fn fresh_block(thickness_m: f64) -> Value {
-    json!({ "shape": { "kind": "block", "size_m": [0.512, 0.512, thickness_m] } })
-}
-
-#[test]
-fn a_watcher_costs_no_more_than_its_share() {
-    const MEASURED: Duration = Duration::from_secs(3);
-    /// 2 Mbit/s.
-    const SHARE_B_PER_S: f64 = 250_000.0;
-    let rig = shared();
-    let site = rig.site();
-    let session = rig.session(&site);
-    // What a watcher may cost counts from the moment at which it connects.
-    let began = Instant::now();
-    let mut stream = Stream::open(&site, &session);
-    stream.subscribe("on", "on");
-    let mut bytes = 0;
-    let mut epochs = std::collections::BTreeSet::new();
-    stream.say(&json!({ "type": "reset", "clay": fresh_block(0.063) }));
-    while began.elapsed() < MEASURED {
-        let message = stream.next();
-        bytes += message.len();
-        match message {
-            Message::Text(text) if text.contains("a fresh block") => {
-                stream.say(&json!({ "type": "reset", "clay": fresh_block(0.064) }));
-            }
-            Message::Binary(bytes) => {
-                if let Binary::Bricks(view) = Binary::decode(&bytes).unwrap() {
-                    epochs.insert(view.header.clay_epoch);
-                }
-            }
-            _ => {}
-        }
-    }
-    assert!(
-        3 < epochs.len(),
-        "only {} blocks in three seconds",
-        epochs.len()
-    );
-    let took = began.elapsed();
-    println!("{} blocks, {bytes} B in {took:?}", epochs.len());
-    // A second's worth may be saved up.
-    let most_bytes = SHARE_B_PER_S * (took.as_secs_f64() + 1.0);
-    assert!((bytes as f64) < 1.05 * most_bytes, "{bytes} B");
-    site.delete(&format!("/api/v1/sessions/{session}"));
-}
-
-/// Memory of this process that is in use, bytes.
-fn resident() -> usize {
-    let status = std::fs::read_to_string("/proc/self/statm").unwrap();
-    let pages: usize = status.split(' ').nth(1).unwrap().parse().unwrap();
-    pages * 4096
-}
-
-/// A watcher that reads nothing at all: what waits for it is bounded, others do not notice, and in the end it is let
-/// go.
-#[test]
-fn a_watcher_that_does_not_read_is_let_go_and_holds_up_nobody() {
-    let rig = shared();
-    let site = rig.site();
-    let session = rig.session(&site);
-    let path = format!("/api/v1/sessions/{session}");
-    let mut deaf = Stream::open(&site, &session);
-    deaf.subscribe("on", "on");
-    let mut other = Stream::open(&site, &session);
-    other.subscribe("on", "on");
-
-    let began = Instant::now();
-    let mut before = None;
-    let mut slowest = Duration::ZERO;
-    loop {
-        let reset = site.post(&format!("{path}/clay/reset"), &fresh_block(0.064));
-        assert_eq!(reset.status, 200, "{reset:?}");
-        let asked = Instant::now();
-        other.catch_up();
-        slowest = slowest.max(asked.elapsed());
-        let before = *before.get_or_insert_with(resident);
-        assert!(resident() < before + (128 << 20), "memory grows");
-        if site
-            .get("/metrics")
-            .text()
-            .contains("streams_ended_total{reason=\"slow\"} 1")
-        {
-            break;
-        }
-        assert!(began.elapsed() < 2 * PATIENCE, "it is still there");
-    }
-    println!(
-        "let go after {:?}; the other waited at most {slowest:?}",
-        began.elapsed()
-    );
-    assert!(
-        slowest < Duration::from_secs(5),
-        "the other waited {slowest:?}"
-    );
-    // What was on its way can still be read, and then it ends.
-    let mut read = 0;
-    let end = loop {
-        match deaf.0.read() {
-            Ok(message) => read += message.len(),
-            Err(end) => break end,
-        }
-    };
-    assert!(
-        !matches!(end, Error::Io(ref io) if io.kind() == std::io::ErrorKind::WouldBlock),
-        "{end}"
-    );
-    assert!(read < 16 << 20, "{read} B were waiting");
-    println!("{read} B were waiting for it");
-    site.delete(&path);
 }

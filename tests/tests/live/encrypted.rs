@@ -167,7 +167,7 @@ impl Forger {
                     let datagram = &buffer[..length];
                     number += 1;
                     // Half of the lies come before the truth: that one is then the one that comes twice.
-                    if number % 4 == 0 {
+                    if number.is_multiple_of(4) {
                         let mut changed = datagram.to_vec();
                         let at = 1 + number % (length - 1).max(1);
                         changed[at.min(length - 1)] ^= 1 << (number % 8);
@@ -179,7 +179,7 @@ impl Forger {
                     if 2000 < kept.len() {
                         kept.remove(0);
                     }
-                    if number % 3 == 0 {
+                    if number.is_multiple_of(3) {
                         let ages = [1, 10, 100, 1000];
                         let age = ages[number / 3 % 4].min(kept.len());
                         pass(&kept[kept.len() - age]);

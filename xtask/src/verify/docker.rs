@@ -140,7 +140,12 @@ impl Texts {
         let last = |word: &'static str| self.said(word).next_back().unwrap_or_default();
         let user = last("USER ").split(':').next().unwrap_or_default();
         let asks_itself = last("HEALTHCHECK ").contains(r#"CMD ["teleclay-server""#);
+        let data = last("ENV TELECLAY_DATA_DIR=");
         let mut promises = vec![
+            (
+                !data.is_empty() && last("VOLUME ") == data,
+                "the server cannot write to its data folder: it is no volume".to_owned(),
+            ),
             (
                 !["", "root", "0"].contains(&user),
                 "the image runs as root".to_owned(),
@@ -223,6 +228,7 @@ mod tests {
                 "CMD curl localhost",
                 "healthy",
             ),
+            ("VOLUME /data", "", "no volume"),
             ("FROM rust:1.", "FROM rust:0.", "toolchain"),
             ("FROM node:20.19", "FROM node:20.18", "Node.js"),
             ("EXPOSE 8080", "EXPOSE 8088", "port 8088"),

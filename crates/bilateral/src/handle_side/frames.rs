@@ -102,11 +102,19 @@ impl HandleSide {
     /// that may be another.
     fn listen_to_another_stream(&mut self, sent_ns: u64, first: u32) -> Result<(), Implausible> {
         self.arrivals.restart(sent_ns, first)?;
-        self.is_renewed = false;
+        if !std::mem::take(&mut self.is_renewed) {
+            self.forget_peer();
+        }
         self.freshness = Freshness::new(self.model.watchdog.silence);
-        self.round_trip = RoundTrip::default();
         self.scheme_since = first;
         Ok(())
+    }
+
+    /// What was agreed with one tool side is nothing to the next: neither what has come there, nor stamps of its clock.
+    pub(super) fn forget_peer(&mut self) {
+        self.round_trip = RoundTrip::default();
+        self.controller.on_news_again();
+        self.controller.on_another_peer();
     }
 
     pub(super) fn fill_frame(&mut self, now: Timestamp, port: &HandlePort, felt: Vec3) {

@@ -353,8 +353,9 @@ impl HandleSide {
     }
 
     /// Goes on under another lease of the same session, with the copy of the clay and every sweep that is not durable:
-    /// after a server was lost, or a lease.
+    /// after a server was lost, or a lease. The first frame under it already says that nothing is known to have come.
     pub fn renew(&mut self, lease: Lease) {
+        self.forget_peer();
         self.frame.header.lease = lease.number;
         self.frame.header.ownership_epoch = lease.ownership_epoch;
         self.is_renewed = true;

@@ -137,6 +137,10 @@ pub trait HandleController: Send {
     /// Frames are news again after some that had waited. Nothing is owed for what those said.
     fn on_news_again(&mut self) {}
 
+    /// Another tool side is at the far end from now on, under another server or another lease. It knows nothing of what
+    /// came to the one before, and what it has to tell it numbers anew.
+    fn on_another_peer(&mut self) {}
+
     /// The force on the hand for this tick, N, before limits and ramps.
     fn reaction(&mut self, now: Timestamp, port: &HandlePort) -> Vec3;
 

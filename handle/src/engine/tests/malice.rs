@@ -128,7 +128,8 @@ fn harm(case: &Case) -> (usize, f64) {
     };
     let (outbox, _sender) = Sender::spawn(Clock::start(), |_| true).unwrap();
     // Parameters that make no loop are refused before any loop runs.
-    let Ok((attachment, mut arriving)) = Attachment::new(&granted, outbox) else {
+    let (line, mut arriving) = LineEnds::new(&granted, outbox);
+    let Ok(attachment) = Attachment::new(&granted.parameters, line) else {
         return (0, 0.0);
     };
     let mut now = Timestamp::ZERO.after(TICK);

@@ -3,7 +3,7 @@
 use super::*;
 
 /// A small block, as a snapshot of it comes from the server.
-fn snapshot(epoch: u32) -> Snapshot {
+pub(super) fn snapshot(epoch: u32) -> Snapshot {
     let shape = teleclay_clay::Shape::Block {
         size_m: [0.032, 0.016, 0.016],
     };
@@ -25,6 +25,7 @@ pub(super) fn discarded(bench: &mut Bench) -> Vec<&'static str> {
             Done::Order => continue,
             Done::Controller { .. } => "controller",
             Done::Attachment { .. } => "attachment",
+            Done::Renewal { .. } => "renewal",
             Done::ToolSetup { .. } => "tool setup",
             Done::Snapshot { .. } => "snapshot",
             Done::Retired { .. } => "retired",

@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 use axum::body::Bytes;
 use axum::extract::ws::{CloseFrame, Message, Utf8Bytes, WebSocket, close_code};
 use teleclay_proto::http::Session;
+use teleclay_proto::invite::Role;
 use teleclay_proto::watch::{ClientText, Level, ServerText, Switch};
 use teleclay_proto::{PROTOCOL, SessionId};
 use tokio::sync::broadcast::Receiver;
@@ -18,7 +19,7 @@ use super::bricks::Follower;
 use super::budget::Budget;
 use super::heartbeat::{Due, Heartbeat};
 use super::telemetry::Batcher;
-use crate::api::guard::check_admin;
+use crate::api::guard::check_role;
 use crate::api::problem::{Failure, SYNTAX, TOO_LARGE};
 use crate::api::sessions::change_failure;
 use crate::api::{Api, see_through};
@@ -37,6 +38,9 @@ const BRICKS_PER_TICK: usize = 64 * 1024;
 
 /// A watcher that does not take a message within this is gone, or as good as gone.
 const SEND_TIMEOUT: Duration = Duration::from_secs(10);
+
+/// What the audit log calls it.
+const CHANGE: &str = "change by stream";
 
 /// How long a watcher may take to answer a close.
 const CLOSE_TIMEOUT: Duration = Duration::from_secs(1);
@@ -303,9 +307,10 @@ impl Watcher {
         };
         let asked = ClientText::parse(&text);
         if let Ok(ClientText::Patch { .. } | ClientText::Reset { .. }) = &asked
-            && let Err(failure) = check_admin(&self.pass)
+            && let Err(failure) = check_role(&self.pass, Role::Admin)
         {
-            self.tell("403");
+            let doors = &self.api.config().doors;
+            doors.tell_refused(&self.pass.who, CHANGE, Some(&self.id), "403");
             return self.say(socket, &problem(failure)).await;
         }
         match asked {
@@ -314,7 +319,7 @@ impl Watcher {
                 Ok(())
             }
             Ok(ClientText::Patch { session }) => {
-                self.tell("asked");
+                self.tell_change();
                 if let Err(error) = session.fits(self.live.state().network) {
                     return self
                         .say(socket, &problem(error.under("/session").into()))
@@ -326,7 +331,7 @@ impl Watcher {
                 Ok(())
             }
             Ok(ClientText::Reset { clay }) => {
-                self.tell("asked");
+                self.tell_change();
                 let (live, id) = (self.live.clone(), self.id.clone());
                 let change = see_through(async move { live.reset(clay, None).await });
                 self.change = Some(Box::pin(async move { told(change.await, "/clay", &id) }));
@@ -338,9 +343,9 @@ impl Watcher {
     }
 
     /// Writes down that a change was asked for.
-    fn tell(&self, outcome: &str) {
+    fn tell_change(&self) {
         let doors = &self.api.config().doors;
-        doors.tell(&self.pass.who, "change by stream", Some(&self.id), outcome);
+        doors.tell(&self.pass.who, CHANGE, Some(&self.id), "asked");
     }
 
     fn subscribe(&mut self, telemetry: Switch, bricks: Switch) {

@@ -87,8 +87,6 @@ pub struct ReplicaHandle {
     status: LoopStatus,
     gain: f64,
     last_frame: Option<Timestamp>,
-    /// Ownership epoch of the server that was heard last.
-    owner: Option<u32>,
     /// Displacement of the server's tool as last received, m.
     far_tool: Option<Vec3>,
     refused: u32,
@@ -122,7 +120,6 @@ impl ReplicaHandle {
             status: LoopStatus::Idle,
             gain: 0.0,
             last_frame: None,
-            owner: None,
             far_tool: None,
             refused: 0,
             is_diverged: false,
@@ -160,16 +157,6 @@ impl ReplicaHandle {
     }
 
     fn take_acknowledgement(&mut self, frame: &ToolFrame) {
-        let owner = frame.header.ownership_epoch;
-        if self
-            .owner
-            .replace(owner)
-            .is_some_and(|before| before != owner)
-        {
-            // What came to the server before need not have come to this one, which numbers what it relays anew.
-            self.log.forget_what_came();
-            self.inbox.restart();
-        }
         self.log
             .on_acknowledged(frame.sweeps_acknowledged, &frame.sweep_gaps);
         self.log.on_durable(frame.sweeps_durable);
@@ -391,6 +378,14 @@ impl HandleController for ReplicaHandle {
             self.take_acknowledgement(frame);
             self.take_relayed(now, frame);
         }
+    }
+
+    /// What came to the tool side before need not have come to this one, which relays under numbers of its own and has
+    /// refused nothing.
+    fn on_another_peer(&mut self) {
+        self.log.forget_what_came();
+        self.inbox.restart();
+        self.refused = 0;
     }
 
     fn reaction(&mut self, now: Timestamp, port: &HandlePort) -> Vec3 {
