@@ -10,6 +10,7 @@ use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io;
 use std::path::{Path, PathBuf};
 
+use teleclay_clay::Clay;
 use teleclay_history::Recorder;
 use teleclay_journal::{Disk, OpenError, Policy, ReadError, Reader, Writer, start};
 use teleclay_link::time::Timestamp;
@@ -18,8 +19,12 @@ use teleclay_session::{Rules, Session};
 
 use crate::archive::Archive;
 use crate::keeper::Keeper;
-use crate::past::{PastError, state_of};
+use crate::blocks;
+use crate::past::{Past, PastError, Until};
 
+const SESSIONS: &str = "sessions";
+/// Beside lock and version, a folder of folders: sessions may have any name.
+const OF: &str = "of";
 /// What is written, and the newest that is read.
 const VERSION: u32 = 1;
 /// What stands before the name of a folder that is being removed.
@@ -61,6 +66,12 @@ pub enum HomeError {
     Past(#[from] PastError),
 }
 
+/// Where the files of a session are, in a data folder.
+#[must_use]
+pub fn folder_of(data: &Path, id: &SessionId) -> PathBuf {
+    data.join(SESSIONS).join(OF).join(id.as_str())
+}
+
 /// The sessions of one data folder, and the right to write them.
 #[derive(Debug)]
 pub struct Home {
@@ -76,8 +87,8 @@ impl Home {
     /// # Errors
     /// Another server has it, a later one has written it, or the system refuses.
     pub fn open(data: &Path) -> Result<Self, HomeError> {
-        let sessions = data.join("sessions");
-        let folder = sessions.join("of");
+        let sessions = data.join(SESSIONS);
+        let folder = sessions.join(OF);
         fs::create_dir_all(&folder).map_err(at(&folder))?;
         let path = sessions.join("lock");
         let lock = OpenOptions::new()
@@ -124,19 +135,26 @@ impl Home {
         self.path(id).exists()
     }
 
-    /// Keeps a session that begins: before its first tick, its tools free.
+    /// Keeps a session that begins: before its first tick, its tools free. `given` is its block, where the settings do
+    /// not describe it.
     ///
     /// # Errors
     /// There is no room for it, or there is one of its name.
-    pub fn begin(&self, session: &mut Session) -> Result<(Keeper, Archive), HomeError> {
+    pub fn begin(
+        &self,
+        session: &mut Session,
+        given: Option<&mut Clay>,
+    ) -> Result<(Keeper, Archive), HomeError> {
         let id = session.settings().spec.id.clone();
         let path = self.path(&id);
         let disk = Disk::new(&path).map_err(at(&path))?;
         let writer = Writer::go_on(Reader::open(disk)?, self.policy)?;
         session.keep_journal();
         let mut recorder = Recorder::new(session.tools());
-        let first = recorder.begin(session, None).to_vec();
-        self.keep(&path, writer, recorder, &first, session)
+        let given = given.map(|clay| blocks::keep(&path, clay)).transpose();
+        let given = given.map_err(at(&path))?;
+        let first = recorder.begin(session, given).to_vec();
+        self.keep(&path, writer, recorder, &first, session, 0)
     }
 
     /// The session as it was, which goes on, and how it is kept from now on.
@@ -156,14 +174,20 @@ impl Home {
         for remark in reader.remarks() {
             tracing::info!(session = %id, "an end that was never durable is left out: {remark}");
         }
-        let state = state_of(&reader, reader.last())?;
+        let given = blocks::load(&path).map_err(at(&path))?;
+        let past = Past {
+            reader: &reader,
+            given: &given,
+        };
+        let state = past.state(Until::Now)?;
+        let snapshot = reader.snapshots().last().copied().unwrap_or(0);
         let mut session = Session::recover(now, state.into_recovery(Rules::default()))
             .map_err(|error| PastError::NoLoop(error.to_string()))?;
         let writer = Writer::go_on(reader, self.policy)?;
         session.keep_journal();
         let mut recorder = Recorder::new(session.tools());
         let first = recorder.go_on(&session).to_vec();
-        let (keeper, archive) = self.keep(&path, writer, recorder, &first, &session)?;
+        let (keeper, archive) = self.keep(&path, writer, recorder, &first, &session, snapshot)?;
         Ok((session, keeper, archive))
     }
 
@@ -182,6 +206,12 @@ impl Home {
         fs::remove_dir_all(&going).map_err(at(&going))
     }
 
+    /// What a session's files take on disk, bytes.
+    #[must_use]
+    pub fn bytes(&self, id: &SessionId) -> u64 {
+        bytes_in(&self.path(id))
+    }
+
     fn keep(
         &self,
         path: &Path,
@@ -189,10 +219,11 @@ impl Home {
         recorder: Recorder,
         first: &[u8],
         session: &Session,
+        snapshot: u64,
     ) -> Result<(Keeper, Archive), HomeError> {
         let (appender, running) = start(writer).map_err(at(path))?;
         let keeper = Keeper::new(recorder, appender, first, session);
-        let archive = Archive::new(path, self.policy, running, &keeper);
+        let archive = Archive::new(path, self.policy, running, &keeper, snapshot);
         Ok((keeper, archive))
     }
 
@@ -212,12 +243,19 @@ impl Home {
     }
 }
 
-fn at(path: &Path) -> impl Fn(io::Error) -> HomeError {
+pub(crate) fn at(path: &Path) -> impl Fn(io::Error) -> HomeError {
     let path = path.to_owned();
     move |source| HomeError::File {
         path: path.clone(),
         source,
     }
+}
+
+/// What the files of a folder take, bytes.
+pub(crate) fn bytes_in(folder: &Path) -> u64 {
+    let files = fs::read_dir(folder).into_iter().flatten();
+    let lengths = files.filter_map(|file| Some(file.ok()?.metadata().ok()?.len()));
+    lengths.sum()
 }
 
 fn check_version(sessions: &Path) -> Result<(), HomeError> {

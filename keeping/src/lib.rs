@@ -5,14 +5,20 @@
 //! | [`home`] | the folder of all sessions, and the lock that keeps other servers out |
 //! | [`keeper`] | one session's history as its tick writes it |
 //! | [`archive`] | the same as everybody else sees it: what is durable, how much it takes, snapshots |
-//! | [`past`] | the state after what is on disk |
+//! | [`past`] | what was, read from what is on disk: a state, strokes, clay at a moment |
+//! | [`rewrite`] | clay without a stroke or with one again, for a session that goes on cutting meanwhile |
+//! | `blocks` | blocks that no settings describe |
 
 pub mod archive;
 pub mod home;
 pub mod keeper;
 pub mod past;
+pub mod rewrite;
 
-pub use archive::{Archive, Storage};
-pub use home::{Home, HomeError};
+mod blocks;
+
+pub use archive::{Archive, Depth, Storage, look_back};
+pub use home::{Home, HomeError, folder_of};
 pub use keeper::Keeper;
-pub use past::{PastError, state_of};
+pub use past::{Past, PastError, Until};
+pub use rewrite::{Rewrite, RewriteError, Wanted};

@@ -8,6 +8,7 @@
 //! | [`directory`] | which sessions there are, and every way to change one |
 //! | [`network`] | Zenoh: frames, joining, slow state |
 //! | [`api`] | HTTP, WebSocket, OpenAPI, metrics, the dashboard |
+//! | [`past`] | `teleclay-server history` |
 //! | [`settings`] | defaults, file, environment, flags |
 
 pub mod api;
@@ -16,6 +17,7 @@ pub mod directory;
 pub mod doors;
 mod engine;
 pub mod network;
+pub mod past;
 mod serve;
 mod session;
 pub mod settings;

@@ -16,6 +16,7 @@ fn main() -> ExitCode {
             Aside::Offline(offline) => offline.run(&api::description(env!("CARGO_PKG_VERSION"))),
             Aside::Invite(command) => command.run(&mut std::io::stdout().lock()),
             Aside::Invites(command) => command.run(&mut std::io::stdout().lock()),
+            Aside::History(command) => command.run(&mut std::io::stdout().lock()),
         };
         return match done {
             Ok(()) => ExitCode::SUCCESS,

@@ -15,6 +15,7 @@ use teleclay_shell::endpoint::{Endpoint, Protocol};
 use teleclay_shell::ticker::Scheduling;
 
 use crate::doors::certificates::{self, Source};
+use crate::past::HistoryCommand;
 use crate::doors::command::{InviteCommand, InvitesCommand, default_data_dir};
 
 /// A networked haptic tele-presence server: it holds the clay and the tool side of the loop.
@@ -91,6 +92,8 @@ pub enum Aside {
     Invite(InviteCommand),
     /// List invites, or take one back
     Invites(InvitesCommand),
+    /// Look into the history of a session: its strokes, its clay at any moment, whether its files are sound
+    History(HistoryCommand),
 }
 
 impl Arguments {

@@ -12,16 +12,20 @@
 //! | [`relay`] | UDP through a bad network, seeded |
 //! | [`namespaces`] | two hosts on one machine |
 //! | [`mesh`] | an STL file, and whether it is watertight |
+//! | [`replay`] | such a recording swept through a block of its own |
+//! | [`kills`] | a server that is killed again and again while hands cut |
 //! | [`starved`] | whether a live test had the time that it needs, and what then |
 //! | [`soak`] | a long run that watches its own memory |
 
 pub mod client;
 pub mod demo;
+pub mod kills;
 pub mod mesh;
 pub mod namespaces;
 pub mod process;
 pub mod recording;
 pub mod relay;
+pub mod replay;
 pub mod soak;
 pub mod stage;
 pub mod starved;

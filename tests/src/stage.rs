@@ -94,6 +94,15 @@ pub struct Server {
     data: PathBuf,
 }
 
+/// What a server that was killed has left.
+#[derive(Debug)]
+pub struct Remains {
+    /// Its ports.
+    pub ports: Ports,
+    /// Its data folder.
+    pub data: PathBuf,
+}
+
 impl Server {
     /// Starts one on these ports of loopback, and waits until it is ready.
     ///
@@ -121,6 +130,15 @@ impl Server {
         Self::start_as(host, ports, transport, token)
     }
 
+    /// Starts one where an earlier one was killed, on loopback, with TCP.
+    ///
+    /// # Errors
+    /// As [`start`](Self::start).
+    pub fn start_again(remains: Remains) -> Result<Self> {
+        let Remains { ports, data } = remains;
+        Self::start_in(data, Ipv4Addr::LOCALHOST, ports, Transport::Tcp, None)
+    }
+
     /// Starts one on `host` whose Zenoh is encrypted and that has the token [`TOKEN`].
     ///
     /// # Errors
@@ -144,6 +162,16 @@ impl Server {
         token: Option<&str>,
     ) -> Result<Self> {
         let data = crate::process::scratch()?.join("data");
+        Self::start_in(data, host, ports, transport, token)
+    }
+
+    fn start_in(
+        data: PathBuf,
+        host: Ipv4Addr,
+        ports: Ports,
+        transport: Transport,
+        token: Option<&str>,
+    ) -> Result<Self> {
         let mut command = Command::new(program("teleclay-server")?);
         command
             .env_remove("TELECLAY_TOKEN")
@@ -192,7 +220,25 @@ impl Server {
         self.beside(&["invites", "--revoke", number])
     }
 
-    fn beside(&self, words: &[&str]) -> Result<Vec<String>> {
+    /// Ends it without a word, and keeps what it has written.
+    ///
+    /// # Errors
+    /// It cannot be waited for.
+    pub fn kill_and_keep(mut self) -> Result<Remains> {
+        self.process.kill()?;
+        // Dropped, the server removes its folder; it goes on under another name.
+        let data = std::mem::take(&mut self.data);
+        Ok(Remains {
+            ports: self.ports,
+            data,
+        })
+    }
+
+    /// Runs a command of the server's program on its data folder; gives what it prints, line by line.
+    ///
+    /// # Errors
+    /// The command fails; then what it says.
+    pub fn beside(&self, words: &[&str]) -> Result<Vec<String>> {
         let ran = Command::new(program("teleclay-server")?)
             .args(words)
             .arg("--data-dir")
@@ -254,7 +300,9 @@ impl Drop for Server {
     fn drop(&mut self) {
         // Nothing of a test is kept; what cannot be ended or removed is left to whoever started the test.
         let _ = self.process.kill();
-        let _ = std::fs::remove_dir_all(&self.data);
+        if !self.data.as_os_str().is_empty() {
+            let _ = std::fs::remove_dir_all(&self.data);
+        }
     }
 }
 

@@ -8,7 +8,7 @@ use std::process::Command;
 use serde_json::Value;
 
 /// Which rooms each room uses, tests of it included: exactly these.
-const USES: [(&str, &[&str]); 24] = [
+const USES: [(&str, &[&str]); 25] = [
     ("control", &[]),
     ("kinematics", &[]),
     ("clay", &[]),
@@ -26,6 +26,10 @@ const USES: [(&str, &[&str]); 24] = [
     ("bilateral", &["clay", "control", "device", "link", "proto"]),
     ("session", &["bilateral", "clay", "link", "proto"]),
     ("history", &["clay", "link", "proto", "session"]),
+    (
+        "keeping",
+        &["clay", "history", "journal", "link", "proto", "session"],
+    ),
     (
         "sim",
         &[
@@ -59,6 +63,8 @@ const USES: [(&str, &[&str]); 24] = [
             "control",
             "doors",
             "front",
+            "history",
+            "keeping",
             "link",
             "offline",
             "proto",

@@ -48,6 +48,21 @@ pub enum ReplayError {
         /// Why not.
         why: String,
     },
+    /// A tool removes another volume than the session that was recorded says.
+    #[error(
+        "tool {} removes {got} units of clay in tick {tick}, and the record says {told}",
+        slot + 1
+    )]
+    OtherRemoval {
+        /// Tick of the record.
+        tick: u64,
+        /// The tool's slot, from 0.
+        slot: usize,
+        /// What the record says, in units of 1/255 voxel.
+        told: u64,
+        /// What the replay removes.
+        got: u64,
+    },
 }
 
 /// A cut that was made since the base.
@@ -75,6 +90,8 @@ pub struct Replay {
     clay: Clay,
     /// Whether the clay is to be made anew from base and cuts.
     is_stale: bool,
+    /// Whether what the records say of removed clay is compared.
+    checks: bool,
     shape: ToolShape,
     /// Blocks that settings do not describe.
     given: Vec<Clay>,
@@ -132,8 +149,23 @@ impl Replay {
             made: Vec::new(),
             clay: state.clay,
             is_stale: false,
+            checks: false,
             given,
         }
+    }
+
+    /// Tells of strokes and settings, and makes no clay before somebody asks for it: for many records the faster way.
+    #[must_use]
+    pub fn without_clay(mut self) -> Self {
+        self.is_stale = true;
+        self
+    }
+
+    /// Compares from now on what each record says a tool has removed with what the replay removes.
+    #[must_use]
+    pub fn checking(mut self) -> Self {
+        self.checks = true;
+        self
     }
 
     /// The next record.
@@ -208,6 +240,29 @@ impl Replay {
         })
     }
 
+    /// Cuts in exchanged clay what the records since have brought, so that a session has little to make up for.
+    ///
+    /// # Errors
+    /// There is another block by now.
+    pub fn catch_up(&self, exchanged: &mut ExchangedClay) -> Result<(), ReplayError> {
+        if exchanged.clay_epoch != self.session.clay_epoch {
+            return Err(ReplayError::Unknown {
+                tick: self.session.tick,
+                what: "block",
+                number: exchanged.clay_epoch.into(),
+            });
+        }
+        let (after, exchange) = (exchanged.as_of_tick, Some(exchanged.exchange));
+        let first = self.made.partition_point(|made| made.tick <= after);
+        for made in &self.made[first..] {
+            if self.strokes.counts(made.stroke, exchange) {
+                exchanged.clay.carve(&sweep(self.shape, made.cut));
+            }
+        }
+        exchanged.as_of_tick = self.session.tick;
+        Ok(())
+    }
+
     fn apply_fact(&mut self, tick: u64, fact: Fact) -> Result<(), ReplayError> {
         match fact {
             Fact::Begun { .. } => Err(ReplayError::NoBeginning),
@@ -244,6 +299,10 @@ impl Replay {
         let holder = self.session.tools[slot].holder.as_ref();
         let operator = holder.map(|holder| &*holder.operator);
         let stroke = self.strokes.on_cuts(tick, slot, operator, removed_units);
+        if self.checks {
+            self.clay();
+        }
+        let mut got = 0;
         for cut in cuts {
             self.made.push(Made {
                 tick,
@@ -251,8 +310,16 @@ impl Replay {
                 cut: *cut,
             });
             if !self.is_stale {
-                self.clay.carve(&sweep(self.shape, *cut));
+                got += self.clay.carve(&sweep(self.shape, *cut));
             }
+        }
+        if self.checks && got != removed_units {
+            return Err(ReplayError::OtherRemoval {
+                tick,
+                slot,
+                told: removed_units,
+                got,
+            });
         }
         Ok(())
     }
@@ -266,7 +333,6 @@ impl Replay {
                 self.base = block(settings, *given, &self.given)?;
                 self.shape = settings.tool_shape();
                 self.clay = self.base.clone();
-                self.is_stale = false;
                 self.made.clear();
                 self.strokes.on_fresh_block();
                 self.base_until = self.strokes.next();

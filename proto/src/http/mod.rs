@@ -8,6 +8,7 @@ mod body;
 mod clay;
 mod hash;
 mod health;
+mod history;
 mod network;
 mod patch;
 mod problem;
@@ -21,6 +22,9 @@ pub use body::{BodyError, parse};
 pub use clay::{ClayReset, ClayShape, ClaySpec, MAX_STEPS, MAX_VOXELS_PER_AXIS};
 pub use hash::{ClayHash, ClayHashError};
 pub use health::{Health, HealthStatus, Readiness};
+pub use history::{
+    DamagedSession, DamagedState, Duplicate, History, ListedSession, Redo, StrokeReport, Undo,
+};
 pub use network::{Burst, Impairment, JitterDistribution, Network, Outage};
 pub use patch::{
     BurstPatch, ImpairmentPatch, MaterialPatch, NetworkPatch, OutagePatch, SessionPatch,

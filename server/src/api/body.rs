@@ -14,7 +14,8 @@ use tokio::time::timeout;
 
 use super::Api;
 use super::problem::{
-    Failure, MEDIA_TYPE, NO_SUCH_SESSION, PATH, SLOW_BODY, SYNTAX, TOO_LARGE, path_of,
+    Failure, MEDIA_TYPE, NO_SUCH_SESSION, PATH, SESSION_DAMAGED, SLOW_BODY, SYNTAX, TOO_LARGE,
+    path_of,
 };
 use crate::directory::Live;
 
@@ -115,9 +116,35 @@ impl FromRequestParts<Api> for Found {
         let nothing_at =
             |why: String| NO_SUCH_SESSION.because(format!("{}: {why}", path_of(&asked)));
         let id = SessionId::new(name).map_err(|error| nothing_at(error.to_string()))?;
-        match api.directory().session(&id) {
-            Some(live) => Ok(Self { id, live }),
+        if let Some(live) = api.directory().session(&id) {
+            return Ok(Self { id, live });
+        }
+        match api.directory().damaged(&id) {
+            Some(damaged) => Err(SESSION_DAMAGED.because(format!(
+                "session {id}: {}",
+                damaged.storage.reason.unwrap_or_default()
+            ))),
             None => Err(nothing_at(format!("no session is named {id}"))),
+        }
+    }
+}
+
+/// The name of a session that is there, or that was set aside.
+pub(crate) struct Named(pub(crate) SessionId);
+
+impl FromRequestParts<Api> for Named {
+    type Rejection = Failure;
+
+    async fn from_request_parts(parts: &mut Parts, api: &Api) -> Result<Self, Failure> {
+        match Found::from_request_parts(parts, api).await {
+            Ok(Found { id, .. }) => Ok(Self(id)),
+            Err(failure) if failure.is(SESSION_DAMAGED) => {
+                let Path(name) = Path::<SessionId>::from_request_parts(parts, api)
+                    .await
+                    .map_err(|rejection| PATH.because(rejection.body_text()))?;
+                Ok(Self(name))
+            }
+            Err(failure) => Err(failure),
         }
     }
 }

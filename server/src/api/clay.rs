@@ -5,18 +5,26 @@ use std::sync::Arc;
 use std::task::{Context, Poll};
 
 use axum::body::{Body, Bytes, HttpBody};
-use axum::extract::State;
+use axum::extract::{FromRequestParts, Query, State};
 use axum::http::header;
+use axum::http::request::Parts;
 use axum::response::{IntoResponse, Response};
 use hyper::body::{Frame, SizeHint};
+use serde::Deserialize;
 use teleclay_clay::{Clay, Mesh, stl};
+use teleclay_proto::http::FieldError;
 use tokio::sync::OwnedSemaphorePermit;
+use utoipa::IntoParams;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
 use super::body::Found;
+use super::history::past_failure;
 use super::openapi::refusals;
-use super::problem::{BUSY, Failure, INTERNAL, NO_SUCH_SESSION, PATH};
+use super::problem::{
+    BUSY, FIELD, Failure, INTERNAL, NO_SUCH_SESSION, NOT_KEPT, PATH, SESSION_DAMAGED,
+    UNAVAILABLE,
+};
 use super::{Api, MAX_MODELS};
 
 /// The call of this module, under `/api/v1`.
@@ -24,7 +32,7 @@ pub(crate) fn routes() -> OpenApiRouter<Api> {
     OpenApiRouter::new().routes(routes!(model))
 }
 
-refusals!(ModelRefusals: PATH, NO_SUCH_SESSION, BUSY);
+refusals!(ModelRefusals: PATH, NO_SUCH_SESSION, SESSION_DAMAGED, NOT_KEPT, FIELD, UNAVAILABLE, BUSY);
 
 /// The clay as binary STL
 ///
@@ -34,7 +42,10 @@ refusals!(ModelRefusals: PATH, NO_SUCH_SESSION, BUSY);
 /// that the triangles enclose.
 #[utoipa::path(
     get, path = "/sessions/{id}/clay.stl", tag = "clay",
-    params(("id" = String, Path, description = "The session's name")),
+    params(
+        ("id" = String, Path, description = "The session's name"),
+        Moment,
+    ),
     responses(
         (
             status = 200, description = "The clay", content_type = "model/stl", body = Vec<u8>,
@@ -43,7 +54,11 @@ refusals!(ModelRefusals: PATH, NO_SUCH_SESSION, BUSY);
         ModelRefusals,
     ),
 )]
-async fn model(State(api): State<Api>, Found { id, live }: Found) -> Result<Response, Failure> {
+async fn model(
+    State(api): State<Api>,
+    Found { id, live }: Found,
+    At(at_s): At,
+) -> Result<Response, Failure> {
     let place = Arc::clone(api.model_places())
         .try_acquire_owned()
         .map_err(|_| {
@@ -51,10 +66,17 @@ async fn model(State(api): State<Api>, Found { id, live }: Found) -> Result<Resp
                 "at most {MAX_MODELS} models are made or sent at once"
             ))
         })?;
+    let past = match at_s {
+        Some(at_s) => {
+            let past = live.clay_at(at_s).await;
+            Some(past.map_err(|error| past_failure(error, &id))?)
+        }
+        None => None,
+    };
     // It takes seconds for the largest clay. The place goes along: it is taken until the work is done, whether or not
     // anybody still waits for it.
     let (file, place) = tokio::task::spawn_blocking(move || {
-        let clay = live.clay().with(|clay, _| Clay::clone(clay));
+        let clay = past.unwrap_or_else(|| live.clay().with(|clay, _| Clay::clone(clay)));
         (stl::encode(&Mesh::of(&clay)), place)
     })
     .await
@@ -71,6 +93,36 @@ async fn model(State(api): State<Api>, Found { id, live }: Found) -> Result<Resp
         _place: place,
     };
     Ok((headers, Body::new(body)).into_response())
+}
+
+/// The moment that is meant.
+#[derive(Debug, Default, Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+struct Moment {
+    /// The clay as it was at this moment, s: since the session began, while its loop ran. Now when left out.
+    #[param(minimum = 0.0)]
+    at_s: Option<f64>,
+}
+
+/// The moment that a query names, in seconds of the session.
+struct At(Option<f64>);
+
+impl FromRequestParts<Api> for At {
+    type Rejection = Failure;
+
+    async fn from_request_parts(parts: &mut Parts, api: &Api) -> Result<Self, Failure> {
+        let Query(Moment { at_s }) = Query::<Moment>::from_request_parts(parts, api)
+            .await
+            .map_err(|rejection| FieldError::new("/at_s", rejection.body_text()))?;
+        match at_s {
+            Some(at_s) if !(0.0..1e9).contains(&at_s) => {
+                let detail = format!("{at_s} is not a moment from 0 to 1e9 s");
+                Err(FieldError::new("/at_s", detail).into())
+            }
+            at_s => Ok(Self(at_s)),
+        }
+    }
 }
 
 /// A body that keeps its place until it is sent, or given up: models may be large, and this bounds how many there are.

@@ -112,6 +112,8 @@ impl<'a> Need<'a> {
             // Those of whoever asks: the list leaves out the others.
             ("sessions", "") if reads => About::Nothing,
             ("sessions", "") => About::Server,
+            // It makes another one.
+            ("sessions", rest) if rest.ends_with("/duplicate") => About::Server,
             ("sessions", rest) => About::Session(rest.split('/').next().unwrap_or(rest)),
             // Calculations change nothing.
             ("kinematics" | "analysis" | "experiments", _) => {

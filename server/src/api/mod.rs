@@ -22,6 +22,7 @@ mod dashboard;
 mod docs;
 mod guard;
 mod health;
+mod history;
 mod http_metrics;
 mod metrics;
 mod openapi;
@@ -136,6 +137,7 @@ fn calls_of_version_1() -> OpenApiRouter<Api> {
     OpenApiRouter::new()
         .merge(sessions::routes())
         .merge(clay::routes())
+        .merge(history::routes())
         .merge(theory::routes())
         .merge(stream::routes())
 }

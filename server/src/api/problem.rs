@@ -65,6 +65,12 @@ kinds! {
         "Choose another id, or delete the one that exists.";
     TOO_MANY_SESSIONS = CONFLICT "too-many-sessions", "there are as many sessions as there may be",
         "Delete one first.";
+    SESSION_DAMAGED = CONFLICT "session-damaged", "the session's files are damaged",
+        "It was set aside when the server started, its files as they are; the detail says what is wrong with them. DELETE removes it for good.";
+    NOTHING_THERE = CONFLICT "nothing-there", "there is no such stroke",
+        "No stroke of the present block can be undone or redone as asked.";
+    NOT_KEPT = CONFLICT "not-kept", "that is no longer kept",
+        "A session's history is kept up to a bound on disk, and not at all by a server that was started with --ephemeral.";
     TOO_LARGE = PAYLOAD_TOO_LARGE "too-large", "the body is too large",
         "No body of this interface needs 64 KiB, and no message to a stream 16 KiB; one that is longer ends the stream with code 1009.";
     MEDIA_TYPE = UNSUPPORTED_MEDIA_TYPE "media-type", "the body is of another media type",
@@ -79,6 +85,14 @@ kinds! {
         "The three spheres around the elbows have no point in common at these joint angles.";
     SINGULAR = UNPROCESSABLE_ENTITY "singular", "the robot is singular there",
         "An arm is stretched or folded, or the platform gains a freedom; the detail says which.";
+    MESH = UNPROCESSABLE_ENTITY "mesh", "the file is no mesh",
+        "The detail says what is wrong with it, and where.";
+    MESH_OPEN = UNPROCESSABLE_ENTITY "mesh_open", "the mesh is open",
+        "Every edge must belong to two triangles that run along it in opposite directions; the detail says how many do not.";
+    MESH_EMPTY = UNPROCESSABLE_ENTITY "mesh_empty", "the mesh encloses nothing",
+        "There is no triangle in it, or no volume.";
+    MESH_TOO_LARGE = UNPROCESSABLE_ENTITY "mesh_too_large", "the mesh is larger than the block",
+        "The detail gives both sizes. With fit=true it is scaled into the block.";
     NO_LOOP = UNPROCESSABLE_ENTITY "no-loop", "these parts make no loop",
         "A compensator or the loop itself cannot be formed of them; the detail says why.";
     UNTUNABLE = UNPROCESSABLE_ENTITY "untunable", "no handle meets the target",
@@ -140,6 +154,11 @@ impl Failure {
     pub(crate) fn with_header(mut self, name: HeaderName, value: HeaderValue) -> Self {
         self.headers.get_or_insert_default().insert(name, value);
         self
+    }
+
+    /// Whether it is of this kind.
+    pub(crate) fn is(&self, kind: Kind) -> bool {
+        self.problem.title == kind.title
     }
 
     /// What is told of it.

@@ -5,14 +5,16 @@ use axum::http::{StatusCode, header};
 use axum::response::IntoResponse;
 use axum::{Extension, Json};
 use teleclay_proto::SessionId;
-use teleclay_proto::http::{ClayReset, NewSession, Session, SessionPatch};
+use teleclay_proto::http::{
+    ClayReset, Duplicate, ListedSession, NewSession, Session, SessionPatch,
+};
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
-use super::body::{Checked, Found, no_such_session};
+use super::body::{Checked, Found, Named, no_such_session};
 use super::openapi::refusals;
 use super::problem::{
-    FIELD, Failure, MEDIA_TYPE, NO_ANSWER, NO_SUCH_SESSION, PATH, SESSION_EXISTS, SLOW_BODY,
+    FIELD, Failure, MEDIA_TYPE, NO_ANSWER, NO_SUCH_SESSION, PATH, SESSION_DAMAGED, SESSION_EXISTS, SLOW_BODY,
     SYNTAX, TOO_LARGE, TOO_MANY_SESSIONS, UNAVAILABLE,
 };
 use super::{Api, see_through};
@@ -25,6 +27,7 @@ pub(crate) fn routes() -> OpenApiRouter<Api> {
         .routes(routes!(list, create))
         .routes(routes!(show, change, delete))
         .routes(routes!(reset))
+        .routes(routes!(duplicate))
 }
 
 /// What went wrong with a change of the session `id`.
@@ -41,17 +44,21 @@ pub(crate) fn change_failure(error: ChangeError, id: &SessionId) -> Failure {
 
 refusals!(ListRefusals:);
 refusals!(CreateRefusals: SYNTAX, SLOW_BODY, SESSION_EXISTS, TOO_MANY_SESSIONS, TOO_LARGE, MEDIA_TYPE, FIELD, UNAVAILABLE);
-refusals!(FindRefusals: PATH, NO_SUCH_SESSION);
-refusals!(ChangeRefusals: SYNTAX, PATH, NO_SUCH_SESSION, SLOW_BODY, TOO_LARGE, MEDIA_TYPE, FIELD, NO_ANSWER);
+refusals!(DuplicateRefusals: SYNTAX, PATH, NO_SUCH_SESSION, SLOW_BODY, SESSION_DAMAGED, SESSION_EXISTS, TOO_MANY_SESSIONS, TOO_LARGE, MEDIA_TYPE, FIELD, UNAVAILABLE);
+refusals!(FindRefusals: PATH, NO_SUCH_SESSION, SESSION_DAMAGED);
+refusals!(DeleteRefusals: PATH, NO_SUCH_SESSION);
+refusals!(ChangeRefusals: SYNTAX, PATH, NO_SUCH_SESSION, SLOW_BODY, SESSION_DAMAGED, TOO_LARGE, MEDIA_TYPE, FIELD, NO_ANSWER);
 
 /// All sessions; to a guest, the one that they were invited to
+///
+/// A session whose files are damaged is there with its name and what is wrong, and can only be deleted.
 #[utoipa::path(
     get, path = "/sessions", tag = "sessions",
-    responses((status = 200, description = "The sessions, by name", body = [Session]), ListRefusals),
+    responses((status = 200, description = "The sessions, by name", body = [ListedSession]), ListRefusals),
 )]
-async fn list(State(api): State<Api>, Extension(pass): Extension<Pass>) -> Json<Vec<Session>> {
+async fn list(State(api): State<Api>, Extension(pass): Extension<Pass>) -> Json<Vec<ListedSession>> {
     let mut sessions = api.directory().sessions();
-    sessions.retain(|session| pass.covers(&session.id));
+    sessions.retain(|session| pass.covers(session.id()));
     Json(sessions)
 }
 
@@ -73,22 +80,54 @@ async fn create(
     let directory = api.directory().clone();
     let session = see_through(async move { directory.create(new).await })
         .await?
-        .map_err(|error| match error {
-            CreateError::Exists { id } => {
-                SESSION_EXISTS.because(format!("a session is named {id} already"))
-            }
-            CreateError::TooMany { most } => {
-                TOO_MANY_SESSIONS.because(format!("at most {most} run at once"))
-            }
-            CreateError::Field(error) => error.into(),
-            CreateError::Unavailable { reason } => UNAVAILABLE.because(reason),
-        })?;
+        .map_err(create_failure)?;
+    Ok(created(session))
+}
+
+fn created(session: Session) -> impl IntoResponse {
     let location = format!("/api/v1/sessions/{}", session.id);
-    Ok((
+    (
         StatusCode::CREATED,
         [(header::LOCATION, location)],
         Json(session),
-    ))
+    )
+}
+
+fn create_failure(error: CreateError) -> Failure {
+    match error {
+        CreateError::Exists { id } => {
+            SESSION_EXISTS.because(format!("a session is named {id} already"))
+        }
+        CreateError::TooMany { most } => {
+            TOO_MANY_SESSIONS.because(format!("at most {most} run at once"))
+        }
+        CreateError::Field(error) => error.into(),
+        CreateError::Unavailable { reason } => UNAVAILABLE.because(reason),
+    }
+}
+
+/// Another session with the same clay and settings
+///
+/// Its history is its own and begins with the clay as it is; nobody holds its tools.
+#[utoipa::path(
+    post, path = "/sessions/{id}/duplicate", tag = "sessions",
+    params(("id" = String, Path, description = "The session's name")),
+    request_body = Duplicate,
+    responses(
+        (status = 201, description = "The new session", body = Session, headers(("Location" = String, description = "Its path"))),
+        DuplicateRefusals,
+    ),
+)]
+async fn duplicate(
+    State(api): State<Api>,
+    Found { live, .. }: Found,
+    Checked(Duplicate { id }): Checked<Duplicate>,
+) -> Result<impl IntoResponse, Failure> {
+    let directory = api.directory().clone();
+    let session = see_through(async move { directory.duplicate(&live, id).await })
+        .await?
+        .map_err(create_failure)?;
+    Ok(created(session))
 }
 
 /// One session
@@ -123,13 +162,14 @@ async fn change(
 
 /// End a session
 ///
-/// Its operators and watchers are told; its clay is gone.
+/// Its operators and watchers are told; its clay is gone, and everything that was kept of it. One whose files are damaged
+/// is removed likewise.
 #[utoipa::path(
     delete, path = "/sessions/{id}", tag = "sessions",
     params(("id" = String, Path, description = "The session's name")),
-    responses((status = 204, description = "It has ended"), FindRefusals),
+    responses((status = 204, description = "It has ended"), DeleteRefusals),
 )]
-async fn delete(State(api): State<Api>, Found { id, .. }: Found) -> Result<StatusCode, Failure> {
+async fn delete(State(api): State<Api>, Named(id): Named) -> Result<StatusCode, Failure> {
     let (directory, name) = (api.directory().clone(), id.clone());
     see_through(async move { directory.delete(&name).await })
         .await?

@@ -9,7 +9,7 @@ use teleclay_proto::SessionId;
 use teleclay_proto::http::{ClayReset, Session, SessionPatch};
 use teleclay_proto::join::{ClayDescription, Granted, JoinRequest, LoopParameters, RefusalCode};
 use teleclay_proto::watch::Level;
-use teleclay_session::{Command, Operator, Outcome, Prepared, Refusal, Rules};
+use teleclay_session::{Command, Operator, Outcome, Prepared, Refusal, Rules, Settings};
 use tokio::sync::broadcast;
 
 use super::Inner;
@@ -193,9 +193,19 @@ impl Live {
     }
 
     async fn carry_out(&self, command: Command) -> Result<Outcome, ChangeError> {
+        self.carry_out_prepared(move |settings| Prepared::new(&command, settings))
+            .await
+    }
+
+    /// Carries out a command that is made from the settings as they are.
+    pub(super) async fn carry_out_prepared(
+        &self,
+        prepare: impl Fn(&Settings) -> Result<Prepared, Refusal> + Send + Sync + 'static,
+    ) -> Result<Outcome, ChangeError> {
         let _one_at_a_time = self.shared.preparing.lock().await;
+        let prepare = Arc::new(prepare);
         for _ in 1..PREPARATIONS {
-            match self.try_to_carry_out(command.clone()).await {
+            match self.try_to_carry_out(Arc::clone(&prepare)).await {
                 Err(ChangeError::Refused(
                     Refusal::Overtaken { .. }
                     | Refusal::OtherClay { .. }
@@ -204,18 +214,17 @@ impl Live {
                 done => return done,
             }
         }
-        self.try_to_carry_out(command).await
+        self.try_to_carry_out(prepare).await
     }
 
-    async fn try_to_carry_out(&self, command: Command) -> Result<Outcome, ChangeError> {
-        let inner = self.directory.upgrade().ok_or(ChangeError::Gone)?;
-        if !self.is_there() {
-            return Err(ChangeError::Gone);
-        }
+    async fn try_to_carry_out(
+        &self,
+        prepare: Arc<impl Fn(&Settings) -> Result<Prepared, Refusal> + Send + Sync + 'static>,
+    ) -> Result<Outcome, ChangeError> {
         let snapshot = self.shared.snapshot().clone();
         // What a command needs may take milliseconds to build, a large block seconds.
         let prepared = tokio::task::spawn_blocking(move || {
-            let prepared = Prepared::new(&command, &snapshot.settings)?;
+            let prepared = prepare(&snapshot.settings)?;
             let mirror = prepared.fresh().map(|(settings, clay)| Mirror {
                 clay: clay.clone(),
                 shape: settings.spec.clay.shape.clone(),
@@ -225,8 +234,26 @@ impl Live {
         });
         // It fails only where the server ends.
         let (prepared, mirror) = prepared.await.map_err(|_| ChangeError::Gone)??;
+        self.command(prepared, mirror).await
+    }
+
+    /// Has the tick carry out what was prepared.
+    pub(super) async fn command(
+        &self,
+        prepared: Prepared,
+        mirror: Option<Mirror>,
+    ) -> Result<Outcome, ChangeError> {
+        let inner = self.directory.upgrade().ok_or(ChangeError::Gone)?;
+        if !self.is_there() {
+            return Err(ChangeError::Gone);
+        }
         let number = self.shared.number;
         inner.orders.command(number, prepared, mirror).await
+    }
+
+    /// What the session was told to be.
+    pub(super) fn settings(&self) -> Settings {
+        Settings::clone(&self.shared.snapshot().settings)
     }
 
     fn why_not(&self, error: &ChangeError) -> (RefusalCode, String) {

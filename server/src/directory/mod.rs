@@ -2,6 +2,7 @@
 //! a session: those are in `crates/session`.
 
 mod live;
+mod kept;
 mod orders;
 
 use std::collections::HashMap;
@@ -13,9 +14,12 @@ use std::time::Duration;
 use rtrb::Producer;
 use teleclay_channel::Channel;
 use teleclay_clay::Clay;
-use teleclay_keeping::{Archive, Home, HomeError, Keeper, Storage};
+use teleclay_keeping::{Archive, Home, HomeError, Keeper};
 use teleclay_link::time::Timestamp;
-use teleclay_proto::http::{FieldError, NewSession, Readiness, Session as SessionJson, parse};
+use teleclay_proto::http::{
+    DamagedSession, DamagedState, FieldError, ListedSession, NewSession, Readiness,
+    Session as SessionJson, StorageReport, StorageState, parse,
+};
 use teleclay_proto::join::{
     ChallengeReply, ChallengeRequest, Granted, JoinReply, JoinRequest, RefusalCode, SealedJoin,
     SealedReply,
@@ -32,6 +36,7 @@ use crate::engine::{Answer, FramesIn, MAX_SESSIONS, Order, Running, Task};
 use crate::session::{SessionShared, slot_of};
 use crate::statistics::LoopStats;
 
+pub use kept::{ImportError, PastFailure};
 pub use live::{ClayView, Live};
 pub use orders::ChangeError;
 
@@ -39,9 +44,6 @@ use orders::Orders;
 
 /// The loop is called running when it ticked within this time.
 const LOOP_ALIVE: Duration = Duration::from_secs(1);
-/// How often it is asked whether disks fail, and after how many of these rounds more is done for them.
-const LOOK_EVERY: Duration = Duration::from_millis(250);
-const ROUNDS_A_LOOK_AFTER: u64 = 20;
 
 /// Why a session was not made.
 #[derive(Debug, thiserror::Error)]
@@ -80,6 +82,8 @@ pub struct Directory(Arc<Inner>);
 
 struct Inner {
     sessions: Mutex<HashMap<SessionId, Entry>>,
+    /// Those whose files are damaged.
+    damaged: Mutex<HashMap<SessionId, DamagedSession>>,
     /// Counts the sessions that came and went.
     changes: watch::Sender<u64>,
     orders: Orders,
@@ -119,6 +123,7 @@ impl Directory {
         let first_lease = seed.map_or(1, |since| (since.as_millis() as u32) | 1);
         Self(Arc::new(Inner {
             sessions: Mutex::new(HashMap::new()),
+            damaged: Mutex::new(HashMap::new()),
             changes: watch::Sender::new(0),
             orders: Orders::new(parts.orders),
             loop_stats: parts.loop_stats,
@@ -144,9 +149,22 @@ impl Directory {
         self.0.zenoh_is_up.store(true, Ordering::Relaxed);
     }
 
-    /// Every session, by name.
-    pub fn sessions(&self) -> Vec<SessionJson> {
-        self.lives().iter().map(Live::state).collect()
+    /// Every session, by name; those whose files are damaged, too.
+    pub fn sessions(&self) -> Vec<ListedSession> {
+        let lives = self.lives();
+        let lives = lives
+            .iter()
+            .map(|live| ListedSession::Session(Box::new(live.state())));
+        let damaged: Vec<DamagedSession> = self.0.damaged().values().cloned().collect();
+        let damaged = damaged.into_iter().map(ListedSession::Damaged);
+        let mut sessions: Vec<ListedSession> = lives.chain(damaged).collect();
+        sessions.sort_by(|a, b| a.id().cmp(b.id()));
+        sessions
+    }
+
+    /// A session whose files are damaged.
+    pub fn damaged(&self, id: &SessionId) -> Option<DamagedSession> {
+        self.0.damaged().get(id).cloned()
     }
 
     /// Every session, by name, without its state.
@@ -177,7 +195,25 @@ impl Directory {
         let settings = Settings::new(new).map_err(CreateError::Field)?;
         let (home, first_lease) = (self.0.home.clone(), self.0.first_lease);
         // A large block takes seconds.
-        let built = tokio::task::spawn_blocking(move || begin(settings, home, first_lease));
+        let built = tokio::task::spawn_blocking(move || begin(settings, None, home, first_lease));
+        self.add(built.await.map_err(unavailable)??).await
+    }
+
+    /// Makes a session with the clay and the settings of another one, and a history of its own.
+    ///
+    /// # Errors
+    /// As [`Directory::create`].
+    pub async fn duplicate(&self, of: &Live, id: SessionId) -> Result<SessionJson, CreateError> {
+        self.0.find_room(&id)?;
+        let mut settings = of.settings();
+        settings.spec.id = id;
+        settings.revision = 0;
+        let (home, first_lease) = (self.0.home.clone(), self.0.first_lease);
+        let clay = of.clay();
+        let built = tokio::task::spawn_blocking(move || {
+            let clay = clay.with(|clay, _| Clay::clone(clay));
+            begin(settings, Some(clay), home, first_lease)
+        });
         self.add(built.await.map_err(unavailable)??).await
     }
 
@@ -207,7 +243,20 @@ impl Directory {
             };
             match added {
                 Ok(()) => tracing::info!(session = %id, "goes on"),
-                Err(reason) => tracing::error!(session = %id, "is set aside as it is: {reason}"),
+                Err(reason) => {
+                    tracing::error!(session = %id, "is set aside as it is: {reason}");
+                    let damaged = DamagedSession {
+                        id: id.clone(),
+                        state: DamagedState::Damaged,
+                        storage: StorageReport {
+                            state: StorageState::Failed,
+                            durable_revision: 0,
+                            bytes: home.bytes(&id),
+                            reason: Some(reason),
+                        },
+                    };
+                    self.0.damaged().insert(id, damaged);
+                }
             }
         }
         Ok(())
@@ -257,6 +306,10 @@ impl Directory {
     /// # Errors
     /// There is none of this name.
     pub async fn delete(&self, id: &SessionId) -> Result<(), NoSuchSession> {
+        if self.0.damaged().remove(id).is_some() {
+            self.remove_files(id, None).await;
+            return Ok(());
+        }
         let entry = self.0.entries().remove(id).ok_or(NoSuchSession)?;
         let shared = &entry.live.shared;
         // Handles hear of it first: they let go at once.
@@ -269,39 +322,22 @@ impl Directory {
             removed: None,
         };
         let _ = self.0.orders.carry_out(remove).await;
-        if let Some(home) = self.0.home.clone() {
-            let (live, id) = (entry.live.clone(), id.clone());
-            let removed = tokio::task::spawn_blocking(move || {
-                live.shared.archive.iter().for_each(Archive::end);
-                home.remove(&id)
-            });
-            if let Ok(Err(error)) = removed.await {
-                tracing::error!(%error, "the files of a deleted session cannot be removed");
-            }
-        }
+        self.remove_files(id, Some(entry.live)).await;
         Ok(())
     }
 
-    /// Writes what waits of every session, and ends that.
-    pub(crate) fn end_archives(&self) {
-        for live in self.lives() {
-            live.shared.archive.iter().for_each(Archive::end);
-        }
-    }
-
-    /// Makes snapshots where they are due, and tells when a disk begins to fail or works again.
-    pub(crate) async fn look_after_archives(&self) {
-        let mut failing: HashMap<u32, String> = HashMap::new();
-        let mut every = tokio::time::interval(LOOK_EVERY);
-        every.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
-        for round in 0_u64.. {
-            every.tick().await;
-            for live in self.lives() {
-                tell_storage(&live, &mut failing);
-                if round.is_multiple_of(ROUNDS_A_LOOK_AFTER) {
-                    look_after(live).await;
-                }
-            }
+    async fn remove_files(&self, id: &SessionId, live: Option<Live>) {
+        let (Some(home), id) = (self.0.home.clone(), id.clone()) else {
+            return;
+        };
+        let removed = tokio::task::spawn_blocking(move || {
+            let archive = live.as_ref().and_then(|live| live.shared.archive.as_ref());
+            archive.iter().for_each(|archive| archive.end());
+            home.remove(&id)
+        });
+        // It is not joined only where the server ends.
+        if let Ok(Err(error)) = removed.await {
+            tracing::error!(%error, "the files of a deleted session cannot be removed");
         }
     }
 
@@ -466,6 +502,10 @@ impl Inner {
         self.sessions.lock().expect("no holder panics")
     }
 
+    fn damaged(&self) -> std::sync::MutexGuard<'_, HashMap<SessionId, DamagedSession>> {
+        self.damaged.lock().expect("no holder panics")
+    }
+
     fn find_room(&self, id: &SessionId) -> Result<(), CreateError> {
         find_room(&self.entries(), id)
     }
@@ -483,8 +523,10 @@ struct Begun {
     kept: Option<(Keeper, Archive)>,
 }
 
+/// With this clay, or with the block that the settings describe.
 fn begin(
     settings: Settings,
+    given: Option<Clay>,
     home: Option<Arc<Home>>,
     first_lease: u32,
 ) -> Result<Begun, CreateError> {
@@ -493,10 +535,13 @@ fn begin(
         // One that was set aside keeps its name.
         return Err(CreateError::Exists { id });
     }
-    let clay = settings
-        .fresh_block()
-        .map_err(|error| CreateError::Field(error.under("/clay")))?;
-    let mirror = clay.clone();
+    let is_given = given.is_some();
+    let fresh = || {
+        let fresh = settings.fresh_block();
+        fresh.map_err(|error| CreateError::Field(error.under("/clay")))
+    };
+    let clay = given.map_or_else(fresh, Ok)?;
+    let mut mirror = clay.clone();
     let mut session = Session::new(SessionSetup {
         lines: settings.lines(),
         settings,
@@ -505,9 +550,13 @@ fn begin(
         first_lease,
         ownership_epoch: 1,
     });
-    let kept = home.map(|home| home.begin(&mut session)).transpose();
+    let given = is_given.then_some(&mut mirror);
+    let kept = home
+        .map(|home| home.begin(&mut session, given))
+        .transpose()
+        .map_err(unavailable)?;
     Ok(Begun {
-        kept: kept.map_err(unavailable)?,
+        kept,
         session,
         mirror,
     })
@@ -516,36 +565,6 @@ fn begin(
 fn unavailable(error: impl std::fmt::Display) -> CreateError {
     CreateError::Unavailable {
         reason: error.to_string(),
-    }
-}
-
-/// Tells watchers and the log when the disk of a session begins to fail, and when it works again.
-fn tell_storage(live: &Live, failing: &mut HashMap<u32, String>) {
-    let Some(archive) = &live.shared.archive else {
-        return;
-    };
-    let number = live.shared.number;
-    match archive.storage() {
-        Storage::Failed { reason } if failing.get(&number) != Some(&reason) => {
-            let words = format!("storage.failed: {reason}; nothing is cut until it can be kept");
-            live.shared.emit(Level::Error, words);
-            failing.insert(number, reason);
-        }
-        Storage::Durable if failing.remove(&number).is_some() => {
-            live.shared.emit(Level::Info, "the disk works again, and all is kept".to_owned());
-        }
-        Storage::Failed { .. } | Storage::Durable | Storage::Behind => {}
-    }
-}
-
-async fn look_after(live: Live) {
-    let id = live.id().clone();
-    let looked = tokio::task::spawn_blocking(move || {
-        live.shared.archive.as_ref().map(Archive::look_after)
-    });
-    // It is not joined only where the server ends.
-    if let Ok(Some(Err(error))) = looked.await {
-        tracing::warn!(session = %id, "no snapshot of its history: {error}");
     }
 }
 

@@ -51,14 +51,14 @@ impl Address {
 
 /// Which data folder.
 #[derive(Clone, Debug, Args)]
-struct Folder {
+pub(crate) struct Folder {
     /// The server's data folder (default: a folder of the user's)
     #[arg(long, value_name = "DIR", env = "TELECLAY_DATA_DIR")]
     data_dir: Option<PathBuf>,
 }
 
 impl Folder {
-    fn path(&self) -> anyhow::Result<PathBuf> {
+    pub(crate) fn path(&self) -> anyhow::Result<PathBuf> {
         self.data_dir.clone().map_or_else(default_data_dir, Ok)
     }
 }

@@ -13,6 +13,7 @@ mod changing;
 mod doors;
 mod encrypted;
 mod endings;
+mod kept;
 mod network;
 mod on_virtual_time;
 mod robot;

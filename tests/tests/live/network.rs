@@ -1,16 +1,14 @@
 //! Two processes and a bad network between them. Each test asks the relay first what it has really done.
 //!
-//! What the replica promises is judged against a replay: the handle wrote down where it was at every tick, to the last
-//! bit, and the same places are swept through a fresh block here, by the clay alone, without scheme, line or clock.
+//! What the replica promises is judged against a replay of the handle's own ticks by the clay alone.
 
 use serde_json::json;
-use teleclay_bilateral::{clay_shape, material, tool_shape};
-use teleclay_clay::{Clay, ContactState, Motion, Pose, Sweep, Tool};
 use teleclay_proto::Scheme;
 use teleclay_proto::http::Session;
 use teleclay_tests::namespaces::{self, Pair};
 use teleclay_tests::process::{PATIENCE, program};
-use teleclay_tests::recording::{Row, greatest_force_step_n, norm, rtt_quantile_s};
+use teleclay_tests::recording::{Row, greatest_force_step_n, rtt_quantile_s};
+use teleclay_tests::replay::replay;
 use teleclay_tests::relay::{Config, Line, Relay, Report};
 use teleclay_tests::stage::{
     DEMO, Handle, HandleOptions, Ports, Server, TOKEN, Transport, free_udp,
@@ -77,75 +75,9 @@ impl Stage {
     }
 }
 
-/// What the handle's ticks come to in a block of their own.
-struct Replay {
-    clay: Clay,
-    /// Root mean square of felt force less the clay's answer, over the greatest answer.
-    force_nrmse: f64,
-    /// Ticks that cut.
-    ticks: usize,
-}
-
-/// The force of a copy that was stale comes back by the ramp, 50 ticks.
-const RETURN_TICKS: u32 = 50;
-
-/// Sweeps a fresh block of the session along the way that the handle wrote down, but for where its copy was felt only,
-/// until the pause. Before it has a copy the server's tool follows it; at home, where nobody moves yet.
-fn replay(session: &Session, rows: &[Row]) -> Replay {
-    let shape = clay_shape(&session.clay.shape).unwrap();
-    let mut clay = Clay::new(&shape, session.clay.voxel_size_m).unwrap();
-    let tool = Tool::new(tool_shape(&session.tool).unwrap());
-    let material = material(&session.material).unwrap();
-    let home_m = session.tools[0].home_m;
-    let place_m = |row: &Row| {
-        std::array::from_fn(|axis| home_m[axis] + session.position_ratio * row.position_m[axis])
-    };
-    let mut contact = ContactState::default();
-    let (mut squares, mut greatest_n, mut ticks) = (0.0, 0.0_f64, 0);
-    let mut since_stale = u32::MAX / 2;
-    let pause = rows.iter().position(|row| row.link_state == "paused");
-    for pair in rows[..pause.expect("it ended with a pause")].windows(2) {
-        if pair[1].copy == "stale" {
-            since_stale = 0;
-            continue;
-        }
-        since_stale += 1;
-        let [from_m, to_m]: [[f64; 3]; 2] = [place_m(&pair[0]), place_m(&pair[1])];
-        let velocity: [f64; 3] = std::array::from_fn(|axis| (to_m[axis] - from_m[axis]) / 1e-3);
-        let [from, to] = [from_m, to_m].map(|at_m| Pose::quantise(at_m).unwrap());
-        let motion = Motion::new(from, to, velocity).unwrap();
-        let worked = clay.work(&tool, &material, &motion, &mut contact);
-        let answer_n = worked.response.force_n;
-        // The third axis is lifted and reflects nothing.
-        let error_n = norm([
-            pair[1].felt_force_n[0] - answer_n[0],
-            pair[1].felt_force_n[1] - answer_n[1],
-            0.0,
-        ]);
-        if RETURN_TICKS < since_stale {
-            squares += error_n * error_n;
-            greatest_n = greatest_n.max(norm([answer_n[0], answer_n[1], 0.0]));
-            ticks += 1;
-        }
-        // What `work` cut is the sweep from place to place; a sweep again changes nothing, as cuts have no order and no
-        // count.
-        let again = Sweep {
-            shape: *tool.shape(),
-            from,
-            to,
-        };
-        assert_eq!(clay.carve(&again), 0);
-    }
-    Replay {
-        clay,
-        force_nrmse: (squares / ticks as f64).sqrt() / greatest_n,
-        ticks,
-    }
-}
-
 /// The server's clay is what the hand has cut, to the last bit, and what the hand felt is what that clay answers.
 fn assert_nothing_was_lost(drained: &Session, rows: &[Row]) {
-    let mut replay = replay(drained, rows);
+    let mut replay = replay(drained, rows).unwrap();
     println!(
         "{} ticks, {:.3} cm3, felt force off by {:.4} % (NRMSE)",
         replay.ticks,
