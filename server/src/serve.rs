@@ -123,7 +123,8 @@ impl Server {
             .recover(clock)
             .await
             .with_context(|| format!("data folder {}", settings.data_dir.display()))?;
-        let has_demo = directory.session(&demo_id()).is_some();
+        let has_demo =
+            directory.session(&demo_id()).is_some() || directory.damaged(&demo_id()).is_some();
         if settings.demo_session && !has_demo {
             directory
                 .create(demo_session())

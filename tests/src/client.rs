@@ -137,6 +137,26 @@ impl Client {
         Ok(())
     }
 
+    /// Asks for anything under `/api/v1`, and gives status and body of the answer, whatever they are.
+    ///
+    /// # Errors
+    /// The server does not answer, or not in JSON.
+    pub fn ask(&self, path: &str) -> Result<(u16, Value)> {
+        let mut answer = self.get(path)?;
+        let text = answer.body_mut().read_to_string()?;
+        let body = serde_json::from_str(&text).with_context(|| text.clone())?;
+        Ok((answer.status().as_u16(), body))
+    }
+
+    /// Asks for something to be done under `/api/v1`, and gives status and body of the answer, whatever they are.
+    ///
+    /// # Errors
+    /// The server does not answer, or not in JSON.
+    pub fn post(&self, path: &str, body: &Value) -> Result<(u16, Value)> {
+        let (status, text) = self.call("POST", path, body)?;
+        Ok((status, serde_json::from_str(&text).with_context(|| text.clone())?))
+    }
+
     /// Puts a fresh block.
     ///
     /// # Errors
@@ -151,7 +171,15 @@ impl Client {
     /// # Errors
     /// The server does not give it.
     pub fn stl(&self, id: &str) -> Result<Vec<u8>> {
-        let mut answer = self.get(&format!("/sessions/{id}/clay.stl"))?;
+        self.bytes(&format!("/sessions/{id}/clay.stl"))
+    }
+
+    /// A file under `/api/v1`.
+    ///
+    /// # Errors
+    /// The server does not give it.
+    pub fn bytes(&self, path: &str) -> Result<Vec<u8>> {
+        let mut answer = self.get(path)?;
         ensure!(answer.status() == 200, "answered {}", answer.status());
         let most = 256 * 1024 * 1024;
         Ok(answer.body_mut().with_config().limit(most).read_to_vec()?)

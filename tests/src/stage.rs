@@ -139,6 +139,15 @@ impl Server {
         Self::start_in(data, Ipv4Addr::LOCALHOST, ports, Transport::Tcp, None)
     }
 
+    /// Starts one with a data folder of the test's own.
+    ///
+    /// # Errors
+    /// As [`start`](Self::start).
+    pub fn start_on_data(data: PathBuf) -> Result<Self> {
+        let ports = Ports::free()?;
+        Self::start_again(Remains { ports, data })
+    }
+
     /// Starts one on `host` whose Zenoh is encrypted and that has the token [`TOKEN`].
     ///
     /// # Errors
