@@ -7,7 +7,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use teleclay_clay::Clay;
 use teleclay_history::{Fact, Record};
-use teleclay_journal::{Disk, OpenError, Policy, Reader, Running, Snapshot, State, Watch, compact, write_snapshot};
+use teleclay_journal::{
+    Disk, OpenError, Policy, Reader, Running, Snapshot, State, Watch, compact, write_snapshot,
+};
 use teleclay_session::EventKind;
 
 use crate::blocks;
@@ -92,7 +94,8 @@ impl Archive {
     pub fn storage(&self) -> Storage {
         if self.told.has_gap() {
             return Storage::Failed {
-                reason: "more happened at once than could be kept; the server has to start again".to_owned(),
+                reason: "more happened at once than could be kept; the server has to start again"
+                    .to_owned(),
             };
         }
         match self.watch.state() {
@@ -186,7 +189,11 @@ impl Archive {
 
     /// Writes what waits, once, and ends the thread that does.
     pub fn end(&self) {
-        let running = self.running.lock().unwrap_or_else(PoisonError::into_inner).take();
+        let running = self
+            .running
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .take();
         drop(running);
     }
 }

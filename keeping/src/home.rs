@@ -18,8 +18,8 @@ use teleclay_proto::SessionId;
 use teleclay_session::{Rules, Session};
 
 use crate::archive::Archive;
-use crate::keeper::Keeper;
 use crate::blocks;
+use crate::keeper::Keeper;
 use crate::past::{Past, PastError, Until};
 
 const SESSIONS: &str = "sessions";

@@ -394,7 +394,10 @@ fn record(session: &Session, number: u32, frames_sent: u64, now: Timestamp) -> S
             view: side.view(),
             coordination_m: side.coordination_m(),
             rtt_s: side.round_trip().last().map(|rtt| rtt.as_secs_f64()),
-            sweeps: [side.frame().sweeps_acknowledged, side.frame().sweeps_durable],
+            sweeps: [
+                side.frame().sweeps_acknowledged,
+                side.frame().sweeps_durable,
+            ],
         });
     }
     record

@@ -48,10 +48,15 @@ impl HistoryCommand {
             data.display(),
             self.session
         );
-        let mut state = self.state(&folder).with_context(|| format!("session {}", self.session))?;
+        let mut state = self
+            .state(&folder)
+            .with_context(|| format!("session {}", self.session))?;
         tell(&self.session, &mut state, out)?;
         if self.verify {
-            writeln!(out, "every record and every snapshot agree with a replay from the first one")?;
+            writeln!(
+                out,
+                "every record and every snapshot agree with a replay from the first one"
+            )?;
         }
         if let Some(path) = &self.stl {
             write_stl(path, &state.clay)?;
@@ -65,11 +70,18 @@ impl HistoryCommand {
             return Ok(look_back(folder, Depth::All, |past| past.verify())?);
         }
         let Some(at_s) = self.at_s else {
-            return Ok(look_back(folder, Depth::SinceSnapshot, |past| past.state(Until::Now))?);
+            return Ok(look_back(folder, Depth::SinceSnapshot, |past| {
+                past.state(Until::Now)
+            })?);
         };
-        anyhow::ensure!(0.0 <= at_s && at_s < 1e9, "--at-s {at_s}: want a moment from 0 to 1e9 s");
+        anyhow::ensure!(
+            0.0 <= at_s && at_s < 1e9,
+            "--at-s {at_s}: want a moment from 0 to 1e9 s"
+        );
         let tick = (at_s / TICK.as_secs_f64()).round() as u64;
-        match look_back(folder, Depth::SinceSnapshot, |past| past.state(Until::Tick(tick))) {
+        match look_back(folder, Depth::SinceSnapshot, |past| {
+            past.state(Until::Tick(tick))
+        }) {
             Err(HomeError::Past(PastError::NotKept)) => {
                 anyhow::bail!("{at_s} s lies before everything that is kept")
             }
@@ -81,7 +93,10 @@ impl HistoryCommand {
 fn tell(id: &SessionId, state: &mut State, out: &mut impl Write) -> anyhow::Result<()> {
     let tick_s = TICK.as_secs_f64();
     let unit_mm3 = state.clay.unit_volume_m3() * 1e9;
-    writeln!(out, "stroke  tool  from_s      to_s        removed_mm3  operator")?;
+    writeln!(
+        out,
+        "stroke  tool  from_s      to_s        removed_mm3  operator"
+    )?;
     for stroke in state.strokes.list() {
         writeln!(
             out,

@@ -15,8 +15,8 @@ use teleclay_shell::endpoint::{Endpoint, Protocol};
 use teleclay_shell::ticker::Scheduling;
 
 use crate::doors::certificates::{self, Source};
-use crate::past::HistoryCommand;
 use crate::doors::command::{InviteCommand, InvitesCommand, default_data_dir};
+use crate::past::HistoryCommand;
 
 /// A networked haptic tele-presence server: it holds the clay and the tool side of the loop.
 #[derive(Debug, Parser)]

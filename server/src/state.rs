@@ -5,7 +5,8 @@ use std::sync::Mutex;
 use teleclay_keeping::Storage;
 use teleclay_proto::frame::Corrections;
 use teleclay_proto::http::{
-    ClayHash, ClayShape, ClayState, CorrectionsState, LoopState, Session, SessionState, StorageReport, StorageState, ToolState,
+    ClayHash, ClayShape, ClayState, CorrectionsState, LoopState, Session, SessionState,
+    StorageReport, StorageState, ToolState,
 };
 use teleclay_session::Snapshot;
 

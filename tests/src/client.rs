@@ -154,7 +154,10 @@ impl Client {
     /// The server does not answer, or not in JSON.
     pub fn post(&self, path: &str, body: &Value) -> Result<(u16, Value)> {
         let (status, text) = self.call("POST", path, body)?;
-        Ok((status, serde_json::from_str(&text).with_context(|| text.clone())?))
+        Ok((
+            status,
+            serde_json::from_str(&text).with_context(|| text.clone())?,
+        ))
     }
 
     /// Puts a fresh block.

@@ -57,7 +57,9 @@ pub fn run(kills: usize, seed: u64, mut tell: impl FnMut(usize, &Report)) -> Res
     for kill in 0..kills {
         cut(&server, &mut hands)?;
         // An odd multiplier and a large increment: every moment within a second and a half, in no order.
-        chance = chance.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        chance = chance
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
         server.client.let_pass(DEMO, (chance >> 33) % 1500)?;
         let before = both(&server)?;
         server.client.let_pass(DEMO, KEPT_AFTER_TICKS)?;
@@ -73,7 +75,10 @@ pub fn run(kills: usize, seed: u64, mut tell: impl FnMut(usize, &Report)) -> Res
         wait_until_both_move(&server)?;
         let took_s = began.elapsed().as_secs_f64();
         report.moving_s.push(took_s);
-        ensure!(took_s <= MOVES_WITHIN_S, "kill {kill}: the tools moved after {took_s:.3} s");
+        ensure!(
+            took_s <= MOVES_WITHIN_S,
+            "kill {kill}: the tools moved after {took_s:.3} s"
+        );
         tell(kill + 1, &report);
     }
     finish(&server, &mut hands, &mut report)?;
@@ -114,13 +119,22 @@ fn nothing_is_lost(before: &Session, after: &Session) -> Result<()> {
         let tools = session.tools.iter();
         tools.map(|tool| tool.operator.clone()).collect()
     };
-    ensure!(names(before) == names(after), "{:?}, {:?}", names(before), names(after));
+    ensure!(
+        names(before) == names(after),
+        "{:?}, {:?}",
+        names(before),
+        names(after)
+    );
     ensure!(
         after.clay.remaining_units <= before.clay.remaining_units,
         "{} units of clay are there again",
         after.clay.remaining_units - before.clay.remaining_units
     );
-    ensure!(after.storage.state != StorageState::Failed, "{:?}", after.storage);
+    ensure!(
+        after.storage.state != StorageState::Failed,
+        "{:?}",
+        after.storage
+    );
     Ok(())
 }
 
@@ -133,7 +147,8 @@ fn wait_until_both_move(server: &Server) -> Result<()> {
                 Err(error) => return Some(Err(error)),
             };
             let from = *first.get_or_insert(tool.position_m);
-            let has_moved = tool.connected && from != tool.position_m;
+            let way_m: [f64; 3] = std::array::from_fn(|axis| tool.position_m[axis] - from[axis]);
+            let has_moved = tool.connected && 0.0 < norm(way_m);
             has_moved.then_some(Ok(()))
         })??;
     }
@@ -146,7 +161,8 @@ fn finish(server: &Server, hands: &mut [Handle; 2], report: &mut Report) -> Resu
     for (id, hand) in [DEMO, OTHER].into_iter().zip(hands.iter_mut()) {
         let alone = hand.process.stderr().len();
         server.client.patch(id, &json!({ "paused": true }))?;
-        hand.process.logs_after(alone, "the session is paused", PATIENCE)?;
+        hand.process
+            .logs_after(alone, "the session is paused", PATIENCE)?;
     }
     let mut last = server.client.session(DEMO)?;
     let drained = loop {
@@ -170,7 +186,10 @@ fn finish(server: &Server, hands: &mut [Handle; 2], report: &mut Report) -> Resu
         cut.clay.initial_units() - cut.clay.remaining_units(),
         drained.clay.removed_units
     );
-    report.bytes = both(server)?.iter().map(|session| session.storage.bytes).sum();
+    report.bytes = both(server)?
+        .iter()
+        .map(|session| session.storage.bytes)
+        .sum();
     Ok(())
 }
 
@@ -200,4 +219,3 @@ impl fmt::Display for Report {
         )
     }
 }
-

@@ -70,7 +70,10 @@ pub fn replay(session: &Session, rows: &[Row]) -> Result<Replay> {
             from,
             to,
         };
-        ensure!(clay.carve(&again) == 0, "a sweep that was made removes clay again");
+        ensure!(
+            clay.carve(&again) == 0,
+            "a sweep that was made removes clay again"
+        );
     }
     Ok(Replay {
         clay,

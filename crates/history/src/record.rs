@@ -302,16 +302,6 @@ impl Record {
         }
         Ok(Self { tick, facts })
     }
-
-    /// The tick of a record, without the rest of it.
-    ///
-    /// # Errors
-    /// The bytes do not begin as a record does.
-    pub fn tick_of(bytes: &[u8]) -> Result<u64, Malformed> {
-        let mut reader = Reader::new(bytes);
-        reader.version(VERSION)?;
-        reader.number("the tick")
-    }
 }
 
 impl Fact {

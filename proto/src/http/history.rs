@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use super::{FieldError, MAX_TOOLS, Session, SessionId, StorageReport, Validate};
+use crate::word::words;
 
 /// The strokes of a session's present block.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
@@ -152,7 +153,7 @@ impl Validate for Duplicate {
 
 fn check_tool(tool: Option<u32>) -> Result<(), FieldError> {
     match tool {
-        Some(number) if !(1..=MAX_TOOLS).contains(&number) => Err(FieldError::new(
+        Some(number) if !(1..=u32::from(MAX_TOOLS)).contains(&number) => Err(FieldError::new(
             "/tool",
             format!("{number} is no tool, they are numbered from 1 to {MAX_TOOLS}"),
         )),

@@ -14,7 +14,6 @@ use serde::Deserialize;
 use teleclay_clay::{Clay, Mesh, stl};
 use teleclay_proto::http::FieldError;
 use tokio::sync::OwnedSemaphorePermit;
-use utoipa::IntoParams;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
@@ -22,8 +21,7 @@ use super::body::Found;
 use super::history::past_failure;
 use super::openapi::refusals;
 use super::problem::{
-    BUSY, FIELD, Failure, INTERNAL, NO_SUCH_SESSION, NOT_KEPT, PATH, SESSION_DAMAGED,
-    UNAVAILABLE,
+    BUSY, FIELD, Failure, INTERNAL, NO_SUCH_SESSION, NOT_KEPT, PATH, SESSION_DAMAGED, UNAVAILABLE,
 };
 use super::{Api, MAX_MODELS};
 
@@ -44,7 +42,7 @@ refusals!(ModelRefusals: PATH, NO_SUCH_SESSION, SESSION_DAMAGED, NOT_KEPT, FIELD
     get, path = "/sessions/{id}/clay.stl", tag = "clay",
     params(
         ("id" = String, Path, description = "The session's name"),
-        Moment,
+        ("at_s" = Option<f64>, Query, description = "The clay as it was at this moment, s: since the session began, while its loop ran. Now when left out.", minimum = 0.0),
     ),
     responses(
         (
@@ -96,12 +94,9 @@ async fn model(
 }
 
 /// The moment that is meant.
-#[derive(Debug, Default, Deserialize, IntoParams)]
+#[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
-#[into_params(parameter_in = Query)]
 struct Moment {
-    /// The clay as it was at this moment, s: since the session began, while its loop ran. Now when left out.
-    #[param(minimum = 0.0)]
     at_s: Option<f64>,
 }
 

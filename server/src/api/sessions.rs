@@ -14,8 +14,8 @@ use utoipa_axum::routes;
 use super::body::{Checked, Found, Named, no_such_session};
 use super::openapi::refusals;
 use super::problem::{
-    FIELD, Failure, MEDIA_TYPE, NO_ANSWER, NO_SUCH_SESSION, PATH, SESSION_DAMAGED, SESSION_EXISTS, SLOW_BODY,
-    SYNTAX, TOO_LARGE, TOO_MANY_SESSIONS, UNAVAILABLE,
+    FIELD, Failure, MEDIA_TYPE, NO_ANSWER, NO_SUCH_SESSION, PATH, SESSION_DAMAGED, SESSION_EXISTS,
+    SLOW_BODY, SYNTAX, TOO_LARGE, TOO_MANY_SESSIONS, UNAVAILABLE,
 };
 use super::{Api, see_through};
 use crate::directory::{ChangeError, CreateError, NoSuchSession};
@@ -56,8 +56,11 @@ refusals!(ChangeRefusals: SYNTAX, PATH, NO_SUCH_SESSION, SLOW_BODY, SESSION_DAMA
     get, path = "/sessions", tag = "sessions",
     responses((status = 200, description = "The sessions, by name", body = [ListedSession]), ListRefusals),
 )]
-async fn list(State(api): State<Api>, Extension(pass): Extension<Pass>) -> Json<Vec<ListedSession>> {
-    let mut sessions = api.directory().sessions();
+async fn list(
+    State(api): State<Api>,
+    Extension(pass): Extension<Pass>,
+) -> Json<Vec<ListedSession>> {
+    let mut sessions = api.directory().listed();
     sessions.retain(|session| pass.covers(session.id()));
     Json(sessions)
 }

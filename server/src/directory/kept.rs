@@ -7,14 +7,16 @@ use std::time::{Duration, Instant};
 use teleclay_clay::Clay;
 use teleclay_history::Stroke;
 use teleclay_keeping::past::For;
-use teleclay_keeping::{Archive, HomeError, PastError, Rewrite, RewriteError, Storage, Until, Wanted};
+use teleclay_keeping::{
+    Archive, HomeError, PastError, Rewrite, RewriteError, Storage, Until, Wanted,
+};
 use teleclay_proto::http::{ClayReset, History, Session, StrokeReport};
 use teleclay_proto::watch::Level;
 use teleclay_session::{Outcome, Prepared, Refusal};
 
+use super::Directory;
 use super::live::Live;
 use super::orders::ChangeError;
-use super::Directory;
 use crate::engine::{Mirror, TICK};
 use crate::session::{SessionShared, tool_id};
 
@@ -272,7 +274,10 @@ fn tell_storage(live: &Live, failing: &mut HashMap<u32, String>) {
             failing.insert(number, reason);
         }
         Storage::Durable if failing.remove(&number).is_some() => {
-            live.shared.emit(Level::Info, "the disk works again, and all is kept".to_owned());
+            live.shared.emit(
+                Level::Info,
+                "the disk works again, and all is kept".to_owned(),
+            );
         }
         Storage::Failed { .. } | Storage::Durable | Storage::Behind => {}
     }
@@ -280,12 +285,10 @@ fn tell_storage(live: &Live, failing: &mut HashMap<u32, String>) {
 
 async fn look_after(live: Live) {
     let id = live.id().clone();
-    let looked = tokio::task::spawn_blocking(move || {
-        live.shared.archive.as_ref().map(Archive::look_after)
-    });
+    let looked =
+        tokio::task::spawn_blocking(move || live.shared.archive.as_ref().map(Archive::look_after));
     // It is not joined only where the server ends.
     if let Ok(Some(Err(error))) = looked.await {
         tracing::warn!(session = %id, "no snapshot of its history: {error}");
     }
 }
-

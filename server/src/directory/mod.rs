@@ -1,8 +1,8 @@
 //! The directory: which sessions there are, and the way to each. The API and Zenoh both come here. It knows no rule of
 //! a session: those are in `crates/session`.
 
-mod live;
 mod kept;
+mod live;
 mod orders;
 
 use std::collections::HashMap;
@@ -149,12 +149,15 @@ impl Directory {
         self.0.zenoh_is_up.store(true, Ordering::Relaxed);
     }
 
+    /// Every session, by name.
+    pub fn sessions(&self) -> Vec<SessionJson> {
+        self.lives().iter().map(Live::state).collect()
+    }
+
     /// Every session, by name; those whose files are damaged, too.
-    pub fn sessions(&self) -> Vec<ListedSession> {
-        let lives = self.lives();
-        let lives = lives
-            .iter()
-            .map(|live| ListedSession::Session(Box::new(live.state())));
+    pub fn listed(&self) -> Vec<ListedSession> {
+        let lives = self.sessions().into_iter();
+        let lives = lives.map(|session| ListedSession::Session(Box::new(session)));
         let damaged: Vec<DamagedSession> = self.0.damaged().values().cloned().collect();
         let damaged = damaged.into_iter().map(ListedSession::Damaged);
         let mut sessions: Vec<ListedSession> = lives.chain(damaged).collect();
@@ -227,17 +230,22 @@ impl Directory {
             return Ok(());
         };
         for id in home.names()? {
-            let (home, name) = (Arc::clone(home), id.clone());
+            let (from, name) = (Arc::clone(home), id.clone());
             let recovered = tokio::task::spawn_blocking(move || {
                 let now = Timestamp::from_nanos(clock.now_ns());
-                home.recover(&name, now).map(|(session, keeper, archive)| Begun {
-                    mirror: session.clay().clone(),
-                    session,
-                    kept: Some((keeper, archive)),
-                })
+                from.recover(&name, now)
+                    .map(|(session, keeper, archive)| Begun {
+                        mirror: session.clay().clone(),
+                        session,
+                        kept: Some((keeper, archive)),
+                    })
             });
             let added = match recovered.await {
-                Ok(Ok(begun)) => self.add(begun).await.map(drop).map_err(|error| error.to_string()),
+                Ok(Ok(begun)) => self
+                    .add(begun)
+                    .await
+                    .map(drop)
+                    .map_err(|error| error.to_string()),
                 Ok(Err(error)) => Err(error.to_string()),
                 Err(error) => Err(error.to_string()),
             };

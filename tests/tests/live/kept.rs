@@ -59,7 +59,10 @@ impl SmallDisk {
 impl Drop for SmallDisk {
     fn drop(&mut self) {
         // What cannot be unmounted is only untidy.
-        let _ = Command::new("umount").arg("--lazy").arg(self.path()).status();
+        let _ = Command::new("umount")
+            .arg("--lazy")
+            .arg(self.path())
+            .status();
     }
 }
 
@@ -105,7 +108,10 @@ fn a_second_server_on_the_same_folder_is_refused() {
     let mut second = Process::start("a second server", command).unwrap();
     assert!(!second.ends().unwrap().success());
     let said = second.stderr();
-    assert!(said.contains("another server keeps its sessions in"), "{said}");
+    assert!(
+        said.contains("another server keeps its sessions in"),
+        "{said}"
+    );
     assert!(server.client.is_ready());
 }
 
@@ -124,7 +130,10 @@ fn a_folder_of_a_later_version_is_refused_in_words() {
     let mut server = Process::start("the server", command).unwrap();
     assert!(!server.ends().unwrap().success());
     let said = server.stderr();
-    assert!(said.contains("later version of this program (2, and this one reads up to 1)"), "{said}");
+    assert!(
+        said.contains("later version of this program (2, and this one reads up to 1)"),
+        "{said}"
+    );
 }
 
 #[test]
@@ -151,7 +160,10 @@ fn a_damaged_session_is_set_aside_and_the_others_go_on() {
     assert_eq!(listed[1]["id"], "whole");
     assert_eq!(listed[1]["state"], "idle");
     let (status, problem) = server.client.ask(&format!("/sessions/{DEMO}")).unwrap();
-    assert_eq!((status, &problem["type"]), (409, &json!("/problems/session-damaged")));
+    assert_eq!(
+        (status, &problem["type"]),
+        (409, &json!("/problems/session-damaged"))
+    );
     assert!(problem["detail"].as_str().unwrap().contains(reason));
     // Not a byte of it has changed.
     assert_eq!(fs::read(&file).unwrap(), bytes);
@@ -171,22 +183,38 @@ fn a_disk_that_fills_up_pauses_cutting_and_goes_on_by_itself() {
     let server = Server::start_on_data(data).unwrap();
     let client = &server.client;
     let failed = |session: &Session| session.storage.state == StorageState::Failed;
-    let full = client.session_when(DEMO, "the disk to fail", PATIENCE, failed).unwrap();
+    let full = client
+        .session_when(DEMO, "the disk to fail", PATIENCE, failed)
+        .unwrap();
     let reason = full.storage.reason.unwrap();
     assert!(reason.contains("No space left"), "{reason}");
 
     let mut hand = Handle::start(&HandleOptions::new(&server.endpoint())).unwrap();
     let connected = |session: &Session| session.tools.iter().any(|tool| tool.connected);
-    client.session_when(DEMO, "the hand", PATIENCE, connected).unwrap();
+    client
+        .session_when(DEMO, "the hand", PATIENCE, connected)
+        .unwrap();
     let still = client.let_pass(DEMO, 2000).unwrap();
-    assert_eq!(still.clay.removed_units, 0, "nothing is cut that cannot be kept");
+    assert_eq!(
+        still.clay.removed_units, 0,
+        "nothing is cut that cannot be kept"
+    );
     assert!(failed(&still));
     assert!(still.storage.durable_revision < still.revision);
 
     fs::remove_file(&filler).unwrap();
-    client.session_when(DEMO, "a cut that is kept", PATIENCE, is_cut_and_durable_or_behind).unwrap();
+    client
+        .session_when(
+            DEMO,
+            "a cut that is kept",
+            PATIENCE,
+            is_cut_and_durable_or_behind,
+        )
+        .unwrap();
     assert!(hand.process.end().unwrap().success());
-    client.session_when(DEMO, "all of it on disk", PATIENCE, is_cut_and_durable).unwrap();
+    client
+        .session_when(DEMO, "all of it on disk", PATIENCE, is_cut_and_durable)
+        .unwrap();
 }
 
 fn is_cut_and_durable_or_behind(session: &Session) -> bool {
@@ -220,11 +248,19 @@ fn a_copy_made_while_the_server_cuts_is_a_session() {
     let range = after.clay.remaining_units..=before.clay.remaining_units;
     assert!(range.contains(&copied.clay.remaining_units), "{copied:?}");
     let said = again.beside(&["history", DEMO, "--verify"]).unwrap();
-    assert!(said.last().unwrap().starts_with("every record and every snapshot agree"), "{said:?}");
+    assert!(
+        said.last()
+            .unwrap()
+            .starts_with("every record and every snapshot agree"),
+        "{said:?}"
+    );
 }
 
 fn history(server: &Server) -> Vec<Value> {
-    let (status, history) = server.client.ask(&format!("/sessions/{DEMO}/history")).unwrap();
+    let (status, history) = server
+        .client
+        .ask(&format!("/sessions/{DEMO}/history"))
+        .unwrap();
     assert_eq!(status, 200, "{history}");
     history["strokes"].as_array().unwrap().clone()
 }
@@ -236,20 +272,40 @@ fn a_stroke_of_one_operator_is_undone_under_the_other_and_redone_and_all_of_it_o
     let second = cut_a_little(&server, "Bob");
     assert!(second.clay.remaining_units <= first.clay.remaining_units);
     let strokes = history(&server);
-    let of = |name: &str| strokes.iter().filter(move |stroke| stroke["operator"] == name);
-    assert!(0 < of("Ada").count() && 0 < of("Bob").count(), "{strokes:?}");
+    let of = |name: &'static str| {
+        strokes
+            .iter()
+            .filter(move |stroke| stroke["operator"] == name)
+    };
+    assert!(
+        0 < of("Ada").count() && 0 < of("Bob").count(),
+        "{strokes:?}"
+    );
 
     // What was before Bob came, to the last bit, and as a file.
     let since = of("Bob").next().unwrap()["number"].clone();
     let path = |what: &str| format!("/sessions/{DEMO}/{what}");
-    let (status, undone) = server.client.post(&path("undo"), &json!({ "since": since })).unwrap();
+    let (status, undone) = server
+        .client
+        .post(&path("undo"), &json!({ "since": since }))
+        .unwrap();
     assert_eq!(status, 200, "{undone}");
-    assert_eq!(undone["clay"]["hash"], serde_json::to_value(first.clay.hash).unwrap());
+    assert_eq!(
+        undone["clay"]["hash"],
+        serde_json::to_value(first.clay.hash).unwrap()
+    );
     assert_eq!(undone["clay"]["epoch"], first.clay.epoch + 1);
-    let at_s = of("Ada").last().unwrap()["to_s"].as_f64().unwrap();
-    let then = server.client.bytes(&path(&format!("clay.stl?at_s={at_s}"))).unwrap();
-    let [then, now] = [then, server.client.stl(DEMO).unwrap()].map(|stl| audit(&stl).unwrap().volume_m3);
-    assert!((then - now).abs() < 1e-12, "{then} m3 then, {now} now");
+    let at_s = of("Ada").next_back().unwrap()["to_s"].as_f64().unwrap();
+    let then = server
+        .client
+        .bytes(&path(&format!("clay.stl?at_s={at_s}")))
+        .unwrap();
+    let [then, now] =
+        [then, server.client.stl(DEMO).unwrap()].map(|stl| audit(&stl).unwrap().volume);
+    assert!(
+        (then - now).abs() < 1e-9 * now,
+        "{then} mm3 then, {now} now"
+    );
 
     for number in of("Bob").map(|stroke| &stroke["number"]) {
         let (status, redone) = server.client.post(&path("redo"), &json!({})).unwrap();
@@ -258,7 +314,10 @@ fn a_stroke_of_one_operator_is_undone_under_the_other_and_redone_and_all_of_it_o
     let back = server.client.session(DEMO).unwrap();
     assert_eq!(back.clay.hash, second.clay.hash);
     let (status, problem) = server.client.post(&path("redo"), &json!({})).unwrap();
-    assert_eq!((status, &problem["type"]), (409, &json!("/problems/nothing-there")));
+    assert_eq!(
+        (status, &problem["type"]),
+        (409, &json!("/problems/nothing-there"))
+    );
 
     let (status, undone) = server.client.post(&path("undo"), &json!({})).unwrap();
     assert_eq!(status, 200, "{undone}");
@@ -268,11 +327,19 @@ fn a_stroke_of_one_operator_is_undone_under_the_other_and_redone_and_all_of_it_o
         .unwrap();
     let server = Server::start_again(server.kill_and_keep().unwrap()).unwrap();
     let recovered = server.client.session(DEMO).unwrap();
-    assert_eq!(serde_json::to_value(&recovered.clay).unwrap(), undone["clay"]);
+    assert_eq!(
+        serde_json::to_value(&recovered.clay).unwrap(),
+        undone["clay"]
+    );
     assert_eq!(recovered.revision, undone["revision"]);
     assert_eq!(history(&server).len(), strokes.len());
     let said = server.beside(&["history", DEMO, "--verify"]).unwrap();
-    assert!(said.last().unwrap().starts_with("every record and every snapshot agree"), "{said:?}");
+    assert!(
+        said.last()
+            .unwrap()
+            .starts_with("every record and every snapshot agree"),
+        "{said:?}"
+    );
 }
 
 #[test]
@@ -283,20 +350,32 @@ fn a_duplicate_has_the_clay_and_a_history_of_its_own() {
     let (status, made) = server.client.post(&path, &json!({ "id": "twin" })).unwrap();
     assert_eq!(status, 201, "{made}");
     let (status, problem) = server.client.post(&path, &json!({ "id": "twin" })).unwrap();
-    assert_eq!((status, &problem["type"]), (409, &json!("/problems/session-exists")));
+    assert_eq!(
+        (status, &problem["type"]),
+        (409, &json!("/problems/session-exists"))
+    );
     let twin = server.client.session("twin").unwrap();
     assert_eq!(twin.clay.hash, cut.clay.hash);
-    assert_eq!((twin.clay.epoch, twin.scheme, twin.material), (1, cut.scheme, cut.material));
+    assert_eq!(
+        (twin.clay.epoch, twin.scheme, twin.material),
+        (1, cut.scheme, cut.material)
+    );
     let (_, history) = server.client.ask("/sessions/twin/history").unwrap();
     assert_eq!(history["strokes"], json!([]));
     // A hand that joins sees it as it is, and cuts it; the original stays.
     let options = HandleOptions::new(&server.endpoint()).in_session("twin");
     let mut hand = Handle::start(&options).unwrap();
-    server.client.session_when("twin", "a cut", PATIENCE, cuts).unwrap();
+    server
+        .client
+        .session_when("twin", "a cut", PATIENCE, cuts)
+        .unwrap();
     let status = hand.status_when("a copy", PATIENCE, |status| status["copy"] == "live");
     println!("{}", status.unwrap());
     assert!(hand.process.end().unwrap().success());
-    assert_eq!(server.client.session(DEMO).unwrap().clay.hash, cut.clay.hash);
+    assert_eq!(
+        server.client.session(DEMO).unwrap().clay.hash,
+        cut.clay.hash
+    );
     server
         .client
         .session_when("twin", "all of it on disk", PATIENCE, is_cut_and_durable)

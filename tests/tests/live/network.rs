@@ -8,8 +8,8 @@ use teleclay_proto::http::Session;
 use teleclay_tests::namespaces::{self, Pair};
 use teleclay_tests::process::{PATIENCE, program};
 use teleclay_tests::recording::{Row, greatest_force_step_n, rtt_quantile_s};
-use teleclay_tests::replay::replay;
 use teleclay_tests::relay::{Config, Line, Relay, Report};
+use teleclay_tests::replay::replay;
 use teleclay_tests::stage::{
     DEMO, Handle, HandleOptions, Ports, Server, TOKEN, Transport, free_udp,
 };

@@ -7,7 +7,8 @@ use teleclay_proto::frame::{CopyState, SweepRefusal};
 use teleclay_proto::http::{
     Burst, ClayHash, ClayReset, ClayShape, ClaySpec, ClayState, CorrectionsState, FieldError,
     Impairment, JitterDistribution, LoopState, Material, Network, NewSession, Outage, Problem,
-    Quantiles, Session, SessionPatch, SessionState, TickQuantiles, ToolState, parse,
+    Quantiles, Session, SessionPatch, SessionState, StorageReport, StorageState, TickQuantiles,
+    ToolState, parse,
 };
 use teleclay_proto::invite::InviteId;
 use teleclay_proto::join::{
@@ -390,6 +391,8 @@ fn session() -> Session {
             hidden_force_n: [0.0625, 0.0, 0.0],
             sweeps_refused: 2,
             refusal: SweepRefusal::TooFast,
+            sweeps_acknowledged: 4711,
+            sweeps_durable: 4690,
             corrections: CorrectionsState {
                 count: 3,
                 moved_n: 1.5,
@@ -401,6 +404,12 @@ fn session() -> Session {
         }],
         position_ratio: 1.0,
         coordination_m: 2.5e-5,
+        storage: StorageReport {
+            state: StorageState::Behind,
+            durable_revision: 6,
+            bytes: 4_194_304,
+            reason: None,
+        },
         control_loop: LoopState {
             rate_hz: 1000.0,
             ticks: 123_456,
