@@ -229,7 +229,7 @@ mod tests {
         for word in words {
             assert!(
                 word.bytes()
-                    .all(|byte| byte.is_ascii_lowercase() || byte == b'-'),
+                    .all(|byte| byte.is_ascii_lowercase() || matches!(byte, b'-' | b'_')),
                 "{word}"
             );
         }

@@ -56,7 +56,7 @@ pub(crate) fn routes() -> OpenApiRouter<Api> {
     OpenApiRouter::new().routes(routes!(watch))
 }
 
-refusals!(WatchRefusals: HANDSHAKE, NO_SUBPROTOCOL, PATH, NO_SUCH_SESSION, UPGRADE, TOO_MANY_WATCHERS);
+refusals!(WatchRefusals: HANDSHAKE, NO_SUBPROTOCOL, PATH, NO_SUCH_SESSION, SESSION_DAMAGED, UPGRADE, TOO_MANY_WATCHERS);
 
 /// Watch a session, and change it, over a WebSocket
 ///
