@@ -126,3 +126,14 @@ impl MeshError {
         }
     }
 }
+
+/// The beginning of a text from a file, or about one: an error does not repeat a whole document.
+pub(crate) fn beginning(text: impl fmt::Display) -> String {
+    /// So much tells what it is about.
+    const SHOWN: usize = 120;
+    let text = text.to_string();
+    match text.char_indices().nth(SHOWN) {
+        Some((end, _)) => format!("{}...", &text[..end]),
+        None => text,
+    }
+}

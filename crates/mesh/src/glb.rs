@@ -21,7 +21,8 @@ const VERSION: u32 = 2;
 const HEADER_BYTES: usize = 12;
 const CHUNK_HEADER_BYTES: usize = 8;
 
-/// The mesh as a binary glTF file, lengths in metres, y up. Of an empty mesh the file has a scene with nothing in it.
+/// The mesh as a binary glTF file, lengths in metres, y up. Of an empty mesh the file has a scene in which the clay
+/// is a node without a mesh.
 ///
 /// # Panics
 /// When the file would have more than 4 GiB, sixty times the surface of the largest block.
@@ -105,7 +106,7 @@ fn json(mesh: &Mesh) -> String {
     let vertices = mesh.positions_m.len();
     let indices = 3 * mesh.triangles.len();
     if vertices == 0 || indices == 0 {
-        json.push_str(r#""scenes":[{}]}"#);
+        json.push_str(r#""scenes":[{"nodes":[0]}],"nodes":[{"name":"clay"}]}"#);
         return json;
     }
     let positions_m = || mesh.positions_m.iter().map(|at_m| upright(*at_m));

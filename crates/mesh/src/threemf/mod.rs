@@ -14,6 +14,7 @@
 
 mod model;
 mod package;
+mod transform;
 mod write;
 
 pub use write::encode;
@@ -21,9 +22,9 @@ pub use write::encode;
 use crate::error::MeshError;
 use crate::triangles::TriangleMesh;
 
-/// Most bytes that the parts of a package which are read may have together: a model of three million triangles, about
-/// what a carved block of 512 cubed has.
-pub const MOST_UNPACKED_BYTES: usize = 256 << 20;
+/// Most bytes that the parts of a package which are read may have together: about what [`encode`] writes of the most
+/// triangles that are read.
+pub const MOST_UNPACKED_BYTES: usize = 160 << 20;
 /// Most parts in a package. One of a model has three and a few pictures.
 pub const MOST_PARTS: usize = 1000;
 /// Most objects that are in others, one within the other.
@@ -31,12 +32,12 @@ pub const MOST_NESTED_OBJECTS: u32 = 16;
 /// Most times that meshes are put somewhere. As objects may be made of others, a short file could ask for any number.
 pub const MOST_PLACED: u64 = 10_000;
 
-/// What reading takes at most, beside 64 KiB, for each byte of the parts that are unpacked: the byte itself, a vertex
-/// of 24 bytes that is written in 26, and lists that grow, which take three times what they hold for a moment.
-pub const MEMORY_PER_BYTE: usize = 8;
-/// What reading takes at most besides, for each triangle and each third vertex of what is built: lists of vertices and
-/// triangles, and about twice as much while they are welded.
-pub const MEMORY_PER_TRIANGLE: usize = 400;
+/// What reading takes at most, beside 64 KiB, for each byte of the parts that are unpacked: the byte itself, and a
+/// vertex of 24 bytes that is written in as many, in a list that holds three times as much while it grows.
+pub const MEMORY_PER_BYTE: usize = 5;
+/// What reading takes at most besides, for each triangle of what is built, and for each three vertices where these are
+/// more: lists of both, and of the edges, while vertices are welded.
+pub const MEMORY_PER_TRIANGLE: usize = 300;
 
 /// Reads a 3MF package: all that it builds, as one mesh.
 ///

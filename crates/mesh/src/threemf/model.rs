@@ -10,7 +10,8 @@ use quick_xml::events::{BytesStart, Event};
 use quick_xml::name::{Namespace, QName, ResolveResult};
 use quick_xml::reader::NsReader;
 
-use crate::error::{Format, MeshError};
+use crate::error::{Format, MeshError, beginning};
+use crate::threemf::transform::Transform;
 use crate::threemf::{MOST_NESTED_OBJECTS, MOST_PLACED};
 use crate::triangles::MOST_TRIANGLES;
 
@@ -37,7 +38,7 @@ pub(super) fn built(text: &str) -> Result<Built, MeshError> {
         let at = reader.buffer_position() as usize;
         let broken = |problem: Cow<'static, str>| MeshError::malformed(Format::Model, at, problem);
         let event = reader.read_resolved_event();
-        let (namespace, event) = event.map_err(|error| broken(error.to_string().into()))?;
+        let (namespace, event) = event.map_err(|error| broken(beginning(error).into()))?;
         match event {
             Event::Start(start) => {
                 if places.len() == MOST_NESTED_ELEMENTS {
@@ -61,7 +62,8 @@ pub(super) fn built(text: &str) -> Result<Built, MeshError> {
                 model.begin(place, &start).map_err(|wrong| wrong.at(at))?;
             }
             Event::End(_) => {
-                if places.pop() == Some(Place::Object) {
+                let ended = places.pop();
+                if ended == Some(Place::Object) {
                     model.end_object().map_err(|wrong| wrong.at(at))?;
                 }
             }
@@ -246,7 +248,10 @@ impl Model {
                 let cost = self.known(id)?.cost;
                 let object = self.object()?;
                 object.cost.add(cost)?;
-                object.components.push((id, transform));
+                // Of nothing, any number could be placed.
+                if 0 < cost.meshes {
+                    object.components.push((id, transform));
+                }
             }
             Place::Item => {
                 let (id, transform) = reference(start)?;
@@ -300,7 +305,8 @@ impl Model {
     }
 }
 
-/// Puts an object where it is built. It ends, since objects are made of those before them only.
+/// Puts an object where it is built. It ends, since objects are made of those before them only, and soon, since
+/// whatever is part of one comes to at least a mesh.
 fn place_object(
     objects: &BTreeMap<u32, Object>,
     id: u32,
@@ -330,59 +336,6 @@ fn place_object(
     }
 }
 
-/// `(x, y, z, 1)` times this matrix of four rows: three for the axes, one for the origin.
-struct Transform([[f64; 3]; 4]);
-
-impl Transform {
-    const NONE: Self = Self([
-        [1.0, 0.0, 0.0],
-        [0.0, 1.0, 0.0],
-        [0.0, 0.0, 1.0],
-        [0.0, 0.0, 0.0],
-    ]);
-
-    /// Twelve numbers, row by row.
-    fn parse(text: &str) -> Result<Self, Wrong> {
-        let mut rows = [[0.0; 3]; 4];
-        let mut words = text.split_ascii_whitespace();
-        for number in rows.iter_mut().flatten() {
-            let parsed = words.next().and_then(|word| word.parse::<f64>().ok());
-            let finite = parsed.filter(|number| number.is_finite());
-            *number = finite.ok_or("a transform is not twelve numbers")?;
-        }
-        if words.next().is_some() {
-            return Err("a transform is not twelve numbers".into());
-        }
-        let transform = Self(rows);
-        if !(0.0 < transform.determinant().abs()) {
-            return Err("a transform flattens what it moves".into());
-        }
-        Ok(transform)
-    }
-
-    fn apply(&self, at: [f64; 3]) -> [f64; 3] {
-        let [x, y, z, origin] = self.0;
-        [0, 1, 2].map(|axis| at[0] * x[axis] + at[1] * y[axis] + at[2] * z[axis] + origin[axis])
-    }
-
-    /// This, and another one after it.
-    fn then(&self, outer: &Self) -> Self {
-        let [x, y, z, origin] = self.0;
-        let turned = |row| {
-            let moved = outer.apply(row);
-            [0, 1, 2].map(|axis| moved[axis] - outer.0[3][axis])
-        };
-        Self([turned(x), turned(y), turned(z), outer.apply(origin)])
-    }
-
-    fn determinant(&self) -> f64 {
-        let [x, y, z, _] = self.0;
-        x[0] * (y[1] * z[2] - y[2] * z[1])
-            + x[1] * (y[2] * z[0] - y[0] * z[2])
-            + x[2] * (y[0] * z[1] - y[1] * z[0])
-    }
-}
-
 /// Refuses what asks for more than is understood. What is required is told by the prefixes of its namespaces.
 fn check_extensions(start: &BytesStart<'_>, reader: &NsReader<&[u8]>) -> Result<(), MeshError> {
     let at = reader.buffer_position() as usize;
@@ -396,7 +349,7 @@ fn check_extensions(start: &BytesStart<'_>, reader: &NsReader<&[u8]>) -> Result<
             .iter()
             .any(|known| namespace == ResolveResult::Bound(Namespace(known)));
         if !is_known {
-            let shown: String = prefix.chars().take(64).collect();
+            let shown = beginning(prefix);
             let problem =
                 format!("the model requires the extension {shown}, only the core is read");
             return Err(MeshError::malformed(Format::Model, at, problem));
@@ -413,7 +366,7 @@ fn attributes<'a, const N: usize>(
     let mut values = [const { None }; N];
     // The library's own check for names that come twice compares each with every other.
     for attribute in start.attributes().with_checks(false) {
-        let attribute = attribute.map_err(|error| error.to_string())?;
+        let attribute = attribute.map_err(beginning)?;
         let name = attribute.key.into_inner();
         if let Some(at) = names.iter().position(|wanted| *wanted == name)
             && values[at].replace(attribute.value).is_some()

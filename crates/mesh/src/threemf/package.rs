@@ -11,7 +11,7 @@ use quick_xml::events::Event;
 use quick_xml::reader::NsReader;
 use rawzip::{CompressionMethod, ZipArchive, ZipFileHeaderRecord, ZipSliceArchive};
 
-use crate::error::{Format, MeshError};
+use crate::error::{Format, MeshError, beginning};
 use crate::threemf::{MOST_PARTS, MOST_UNPACKED_BYTES};
 
 const RELATIONSHIPS: &str = "_rels/.rels";
@@ -37,11 +37,11 @@ fn model_name(relationships: &str) -> Result<String, MeshError> {
         let at = reader.buffer_position() as usize;
         let event = reader.read_event();
         let broken = |problem: String| MeshError::malformed(Format::Model, at, problem);
-        match event.map_err(|error| broken(error.to_string()))? {
+        match event.map_err(|error| broken(beginning(error)))? {
             Event::Start(start) if start.local_name().as_ref() == "Relationship" => {
                 let (mut kind, mut target) = (None, None);
                 for attribute in start.attributes().with_checks(false) {
-                    let attribute = attribute.map_err(|error| broken(error.to_string()))?;
+                    let attribute = attribute.map_err(|error| broken(beginning(error)))?;
                     match attribute.key.into_inner() {
                         "Type" => kind = Some(attribute.value),
                         "Target" => target = Some(attribute.value),
@@ -80,7 +80,7 @@ fn part(
         let path = entry.file_path();
         if path.as_bytes().eq_ignore_ascii_case(name.as_bytes()) && found.replace(entry).is_some() {
             // Two readers could take one each.
-            return Err(problem(format!("two parts are called {}", shown(name))));
+            return Err(problem(format!("two parts are called {}", beginning(name))));
         }
     }
     if parts as u64 != archive.entries_hint() {
@@ -91,7 +91,7 @@ fn part(
             found: parts as u64,
         });
     }
-    let entry = found.ok_or_else(|| problem(format!("there is no part {}", shown(name))))?;
+    let entry = found.ok_or_else(|| problem(format!("there is no part {}", beginning(name))))?;
     let content = unpack(archive, &entry, unpacked)?;
     String::from_utf8(content).map_err(|error| {
         let at = error.utf8_error().valid_up_to();
@@ -162,14 +162,9 @@ fn too_much(what: &'static str, got: u64, most: usize) -> MeshError {
 
 /// What the archive's reader found wrong.
 fn broken(error: &rawzip::Error) -> MeshError {
-    problem(error.to_string())
+    problem(beginning(error))
 }
 
 fn problem(problem: impl Into<std::borrow::Cow<'static, str>>) -> MeshError {
     MeshError::malformed(Format::Package, 0, problem)
-}
-
-/// So much of a name as an error should repeat.
-fn shown(name: &str) -> String {
-    name.chars().take(64).collect()
 }
