@@ -48,6 +48,20 @@ impl Disk {
         })
     }
 
+    /// Gives back what a file has reserved behind its first `bytes`.
+    ///
+    /// # Errors
+    /// The system refuses.
+    pub fn trim(&self, name: &str, bytes: u64) -> io::Result<()> {
+        let file = OpenOptions::new()
+            .write(true)
+            .open(self.folder.join(name))?;
+        if bytes < file.metadata()?.len() {
+            file.set_len(bytes)?;
+        }
+        Ok(())
+    }
+
     /// Where it is.
     #[must_use]
     pub fn folder(&self) -> &Path {

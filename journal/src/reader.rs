@@ -68,6 +68,8 @@ struct Segment {
     /// Number of the last whole record; one less than the base where there is none.
     last: u64,
     end: End,
+    /// Where its records end, bytes, if it was looked into.
+    used: Option<u64>,
 }
 
 /// A row of records and the segment in which they count.
@@ -150,6 +152,16 @@ impl<S: Storage> Reader<S> {
     #[must_use]
     pub fn durable(&self) -> u64 {
         self.durable
+    }
+
+    /// Segments that hold nothing but zeros behind their records, and where these begin: room that was reserved and not
+    /// needed. Whoever goes on writes into another file.
+    pub fn spare(&self) -> impl Iterator<Item = (&str, u64)> {
+        let clean = self
+            .segments
+            .iter()
+            .filter(|segment| segment.end == End::Clean);
+        clean.filter_map(|segment| Some((&*segment.file, segment.used?)))
     }
 
     /// How many writers there were.
@@ -262,6 +274,7 @@ impl<S: Storage> Reader<S> {
                     header,
                     last: header.base - 1,
                     end: End::Clean,
+                    used: None,
                 });
             }
         }
@@ -321,6 +334,8 @@ impl<S: Storage> Reader<S> {
         if let End::Broken { durable, .. } = scan.end {
             self.durable = self.durable.max(durable);
         }
+        let used = scan.records.last().map(|found| found.payload.end);
+        segment.used = Some(used.unwrap_or(segment::HEADER_BYTES) as u64);
         segment.end = scan.end;
         Ok(())
     }

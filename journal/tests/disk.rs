@@ -66,6 +66,55 @@ fn what_a_thread_called_durable_is_there_for_the_next_one() {
     }
 }
 
+/// Room that a server reserved and did not need is given back, and nothing else: the records stay, also where an end is
+/// torn.
+#[test]
+fn room_that_was_reserved_in_vain_is_given_back_and_no_record_with_it() {
+    let folder = Folder::new("spare");
+    let disk = Disk::new(&folder.0).unwrap();
+    for _ in 1..=4 {
+        let reader = Reader::open(disk.clone()).unwrap();
+        let last = reader.last();
+        let mut writer = Writer::go_on(reader, Policy::default()).unwrap();
+        for number in last + 1..=last + 100 {
+            writer.push(Duration::ZERO, &payload(number)).unwrap();
+        }
+        writer.flush(Duration::ZERO);
+        assert_eq!(writer.durable(), last + 100);
+    }
+    // The second file ends in what is no record.
+    let mut files: Vec<PathBuf> = std::fs::read_dir(&folder.0)
+        .unwrap()
+        .map(|file| file.unwrap().path())
+        .filter(|path| path.extension().is_some_and(|ending| ending == "segment"))
+        .collect();
+    files.sort();
+    let mut torn = std::fs::read(&files[1]).unwrap();
+    *torn.last_mut().unwrap() = 1;
+    std::fs::write(&files[1], &torn).unwrap();
+
+    let reader = Reader::verify(disk.clone()).unwrap();
+    let records = |reader: &Reader<Disk>| -> Vec<_> {
+        let records = reader.records_from(1);
+        records.map(|record| record.unwrap().payload).collect()
+    };
+    let (before, bytes) = (records(&reader), reader.bytes());
+    assert_eq!(before.len(), 400);
+    assert_eq!(reader.spare().count(), 3);
+    for (file, used) in reader.spare() {
+        disk.trim(file, used).unwrap();
+    }
+    let trimmed = Reader::verify(disk).unwrap();
+    assert_eq!(trimmed.damage(), []);
+    assert_eq!(records(&trimmed), before);
+    assert!(
+        trimmed.bytes() < bytes / 3,
+        "{} of {bytes} B",
+        trimmed.bytes()
+    );
+    assert_eq!(std::fs::read(&files[1]).unwrap(), torn);
+}
+
 #[test]
 fn a_ring_that_is_full_says_so_and_takes_again() {
     let memory = Memory::new(1);

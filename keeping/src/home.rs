@@ -167,7 +167,8 @@ impl Home {
         now: Timestamp,
     ) -> Result<(Session, Keeper, Archive), HomeError> {
         let path = self.path(id);
-        let reader = Reader::open(Disk::existing(&path).map_err(at(&path))?)?;
+        let disk = Disk::existing(&path).map_err(at(&path))?;
+        let reader = Reader::open(disk.clone())?;
         if let Some(damage) = reader.damage().first() {
             return Err(OpenError::Damaged(damage.clone()).into());
         }
@@ -183,6 +184,9 @@ impl Home {
         let snapshot = reader.snapshots().last().copied().unwrap_or(0);
         let mut session = Session::recover(now, state.into_recovery(Rules::default()))
             .map_err(|error| PastError::NoLoop(error.to_string()))?;
+        for (file, bytes) in reader.spare() {
+            disk.trim(file, bytes).map_err(at(&path))?;
+        }
         let writer = Writer::go_on(reader, self.policy)?;
         session.keep_journal();
         let mut recorder = Recorder::new(session.tools());

@@ -16,9 +16,6 @@ use crate::stage::{DEMO, Handle, HandleOptions, Ports, Server, Transport};
 
 /// The second session: its scheme keeps no copy of the clay.
 const OTHER: &str = "other";
-/// What is cut is durable after 20 ms, a tool's frames come every millisecond, and a look takes a few; so many ticks
-/// before a kill everything has to be kept.
-const KEPT_AFTER_TICKS: u64 = 100;
 /// The slew limit of a session's parameters, a tick's worth, N.
 const FORCE_STEP_N: f64 = 2000.0 * 1e-3 + 1e-9;
 /// From the start of the process until both tools move again, s.
@@ -27,6 +24,8 @@ const MOVES_WITHIN_S: f64 = 2.0;
 /// What the kills have come to.
 #[derive(Clone, Debug, Default)]
 pub struct Report {
+    /// From a look at both sessions until all that it saw was on disk, s; with the calls that ask for it.
+    pub kept_s: Vec<f64>,
     /// From each start of the process until it was ready, s.
     pub ready_s: Vec<f64>,
     /// From each start of the process until both tools moved again, s.
@@ -62,7 +61,9 @@ pub fn run(kills: usize, seed: u64, mut tell: impl FnMut(usize, &Report)) -> Res
             .wrapping_add(1_442_695_040_888_963_407);
         server.client.let_pass(DEMO, (chance >> 33) % 1500)?;
         let before = both(&server)?;
-        server.client.let_pass(DEMO, KEPT_AFTER_TICKS)?;
+        let looked = Instant::now();
+        wait_until_kept(&server, &before)?;
+        report.kept_s.push(looked.elapsed().as_secs_f64());
         let remains = server.kill_and_keep()?;
         let began = Instant::now();
         server = Server::start_again(remains)?;
@@ -98,6 +99,25 @@ fn cut(server: &Server, hands: &mut [Handle; 2]) -> Result<()> {
         };
         let seen = server.client.session_when(id, "a cut", PATIENCE, cuts);
         seen.with_context(|| format!("the hand said: {}", hand.process.stderr()))?;
+    }
+    Ok(())
+}
+
+/// Everything up to a look is on disk, as the histories tell.
+fn wait_until_kept(server: &Server, before: &[Session; 2]) -> Result<()> {
+    for session in before {
+        let path = format!("/sessions/{}/history", session.id);
+        let looked_at_s = session.control_loop.ticks as f64 * 1e-3;
+        wait_for("what was seen to be on disk", PATIENCE, || {
+            let (_, history) = match server.client.ask(&path) {
+                Ok(answer) => answer,
+                Err(error) => return Some(Err(error)),
+            };
+            let is_kept = history["to_s"]
+                .as_f64()
+                .is_some_and(|to_s| looked_at_s <= to_s);
+            is_kept.then_some(Ok(()))
+        })??;
     }
     Ok(())
 }
@@ -204,6 +224,7 @@ impl fmt::Display for Report {
             }
         };
         writeln!(f, "{} kills", self.ready_s.len())?;
+        writeln!(f, "seen on disk after {}", told(&self.kept_s))?;
         writeln!(f, "ready after {}", told(&self.ready_s))?;
         writeln!(f, "both tools moving after {}", told(&self.moving_s))?;
         writeln!(

@@ -8,7 +8,7 @@ use std::process::Command;
 use serde_json::Value;
 
 /// Which rooms each room uses, tests of it included: exactly these.
-const USES: [(&str, &[&str]); 25] = [
+const USES: [(&str, &[&str]); 26] = [
     ("control", &[]),
     ("kinematics", &[]),
     ("clay", &[]),
@@ -25,6 +25,7 @@ const USES: [(&str, &[&str]); 25] = [
     ("link", &["clay", "control", "proto"]),
     ("bilateral", &["clay", "control", "device", "link", "proto"]),
     ("session", &["bilateral", "clay", "link", "proto"]),
+    ("mesh", &["clay"]),
     ("history", &["clay", "link", "proto", "session"]),
     (
         "keeping",
@@ -66,6 +67,7 @@ const USES: [(&str, &[&str]); 25] = [
             "history",
             "keeping",
             "link",
+            "mesh",
             "offline",
             "proto",
             "session",

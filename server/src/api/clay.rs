@@ -12,6 +12,7 @@ use axum::response::{IntoResponse, Response};
 use hyper::body::{Frame, SizeHint};
 use serde::Deserialize;
 use teleclay_clay::{Clay, Mesh, stl};
+use teleclay_mesh::{glb, threemf};
 use teleclay_proto::http::FieldError;
 use tokio::sync::OwnedSemaphorePermit;
 use utoipa_axum::router::OpenApiRouter;
@@ -27,8 +28,35 @@ use super::{Api, MAX_MODELS};
 
 /// The call of this module, under `/api/v1`.
 pub(crate) fn routes() -> OpenApiRouter<Api> {
-    OpenApiRouter::new().routes(routes!(model))
+    OpenApiRouter::new()
+        .routes(routes!(model))
+        .routes(routes!(model_3mf))
+        .routes(routes!(model_glb))
 }
+
+/// A format, with what goes with it.
+#[derive(Clone, Copy, Debug)]
+struct Format {
+    ending: &'static str,
+    media_type: &'static str,
+    encode: fn(&Mesh) -> Vec<u8>,
+}
+
+const STL: Format = Format {
+    ending: "stl",
+    media_type: "model/stl",
+    encode: stl::encode,
+};
+const THREE_MF: Format = Format {
+    ending: "3mf",
+    media_type: "model/3mf",
+    encode: threemf::encode,
+};
+const GLB: Format = Format {
+    ending: "glb",
+    media_type: "model/gltf-binary",
+    encode: glb::encode,
+};
 
 refusals!(ModelRefusals: PATH, NO_SUCH_SESSION, SESSION_DAMAGED, NOT_KEPT, FIELD, UNAVAILABLE, BUSY);
 
@@ -52,10 +80,57 @@ refusals!(ModelRefusals: PATH, NO_SUCH_SESSION, SESSION_DAMAGED, NOT_KEPT, FIELD
         ModelRefusals,
     ),
 )]
-async fn model(
-    State(api): State<Api>,
+async fn model(State(api): State<Api>, found: Found, at: At) -> Result<Response, Failure> {
+    made(&api, found, at, STL).await
+}
+
+/// The clay as 3MF
+///
+/// The same surface in millimetres, which the file says, with shared vertices.
+#[utoipa::path(
+    get, path = "/sessions/{id}/clay.3mf", tag = "clay",
+    params(
+        ("id" = String, Path, description = "The session's name"),
+        ("at_s" = Option<f64>, Query, description = "As for STL", minimum = 0.0),
+    ),
+    responses(
+        (
+            status = 200, description = "The clay", content_type = "model/3mf", body = Vec<u8>,
+            headers(("Content-Disposition" = String, description = "A name for the file")),
+        ),
+        ModelRefusals,
+    ),
+)]
+async fn model_3mf(State(api): State<Api>, found: Found, at: At) -> Result<Response, Failure> {
+    made(&api, found, at, THREE_MF).await
+}
+
+/// The clay as binary glTF
+///
+/// The same surface in metres, turned so that y points up, as the format asks for, with shared vertices and normals.
+#[utoipa::path(
+    get, path = "/sessions/{id}/clay.glb", tag = "clay",
+    params(
+        ("id" = String, Path, description = "The session's name"),
+        ("at_s" = Option<f64>, Query, description = "As for STL", minimum = 0.0),
+    ),
+    responses(
+        (
+            status = 200, description = "The clay", content_type = "model/gltf-binary", body = Vec<u8>,
+            headers(("Content-Disposition" = String, description = "A name for the file")),
+        ),
+        ModelRefusals,
+    ),
+)]
+async fn model_glb(State(api): State<Api>, found: Found, at: At) -> Result<Response, Failure> {
+    made(&api, found, at, GLB).await
+}
+
+async fn made(
+    api: &Api,
     Found { id, live }: Found,
     At(at_s): At,
+    format: Format,
 ) -> Result<Response, Failure> {
     let place = Arc::clone(api.model_places())
         .try_acquire_owned()
@@ -75,15 +150,15 @@ async fn model(
     // anybody still waits for it.
     let (file, place) = tokio::task::spawn_blocking(move || {
         let clay = past.unwrap_or_else(|| live.clay().with(|clay, _| Clay::clone(clay)));
-        (stl::encode(&Mesh::of(&clay)), place)
+        ((format.encode)(&Mesh::of(&clay)), place)
     })
     .await
     .map_err(|_| INTERNAL.because("the model was broken off"))?;
     let headers = [
-        (header::CONTENT_TYPE, "model/stl".to_owned()),
+        (header::CONTENT_TYPE, format.media_type.to_owned()),
         (
             header::CONTENT_DISPOSITION,
-            format!("attachment; filename=\"{id}.stl\""),
+            format!("attachment; filename=\"{id}.{}\"", format.ending),
         ),
     ];
     let body = Placed {

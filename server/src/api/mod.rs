@@ -24,6 +24,7 @@ mod guard;
 mod health;
 mod history;
 mod http_metrics;
+mod import;
 mod metrics;
 mod openapi;
 mod pages;
@@ -138,6 +139,7 @@ fn calls_of_version_1() -> OpenApiRouter<Api> {
         .merge(sessions::routes())
         .merge(clay::routes())
         .merge(history::routes())
+        .merge(import::routes())
         .merge(theory::routes())
         .merge(stream::routes())
 }
@@ -228,8 +230,25 @@ async fn wrong_method(OriginalUri(asked): OriginalUri, method: Method) -> Failur
     METHOD.because(format!("{} does not offer {method}", path_of(&asked)))
 }
 
+/// A file may take its time to arrive, and an hour of history to be told again.
+fn patience(request: &Request) -> Duration {
+    let path = request.uri().path();
+    let is_of_the_past = path.ends_with("/undo")
+        || path.ends_with("/redo")
+        || request
+            .uri()
+            .query()
+            .is_some_and(|query| query.contains("at_s="));
+    match *request.method() {
+        Method::PUT => 12 * REQUEST_TIMEOUT,
+        _ if is_of_the_past => 6 * REQUEST_TIMEOUT,
+        _ => REQUEST_TIMEOUT,
+    }
+}
+
 async fn limit_time(request: Request, next: Next) -> Response {
-    timeout(REQUEST_TIMEOUT, next.run(request))
+    let patience = patience(&request);
+    timeout(patience, next.run(request))
         .await
         .unwrap_or_else(|_| {
             let waited = format!("waited {} s for it", REQUEST_TIMEOUT.as_secs());

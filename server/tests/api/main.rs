@@ -8,6 +8,7 @@ mod connection;
 mod description;
 mod ending;
 mod guard;
+mod import;
 mod limits;
 mod metrics;
 mod model;

@@ -36,8 +36,8 @@ use super::guard::subprotocols;
 use super::http_metrics::Watching;
 use super::openapi::refusals;
 use super::problem::{
-    Failure, HANDSHAKE, NO_SUCH_SESSION, PATH, SUBPROTOCOL as NO_SUBPROTOCOL, TOO_MANY_WATCHERS,
-    UPGRADE,
+    Failure, HANDSHAKE, NO_SUCH_SESSION, PATH, SESSION_DAMAGED, SUBPROTOCOL as NO_SUBPROTOCOL,
+    TOO_MANY_WATCHERS, UPGRADE,
 };
 use super::{Api, MAX_WATCHERS};
 use crate::doors::Pass;
