@@ -1,13 +1,14 @@
 //! Round trips: the product's, beside a bare Zenoh ping-pong and a bare UDP one between the same two cores.
 
 use std::net::{SocketAddr, UdpSocket};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, bail};
 use serde_json::Value;
 use teleclay_doors::Authority;
+use teleclay_journal::{Disk, Reader};
 use teleclay_shell::network::{CONTROL_QOS, Endpoints, open};
 
 use crate::row::{Row, quantile};
@@ -22,12 +23,15 @@ const PAYLOAD: usize = 240;
 const ALLOWANCE_S: f64 = 0.6e-3;
 /// What encryption may add: both ways, both ends.
 const FOR_ENCRYPTION_S: f64 = 0.15e-3;
+/// What writing history may add to a tick.
+const FOR_THE_JOURNAL_S: f64 = 1e-6;
 const PATIENCE: Duration = Duration::from_secs(20);
 
 const HTTP: &str = "127.0.0.1:18099";
 const ZENOH: &str = "tcp/127.0.0.1:17499";
 const ZENOH_ECHO: &str = "tcp/127.0.0.1:17489";
 const ENCRYPTED_ECHO: &str = "quic/127.0.0.1:17495";
+const LATENESS_P99: &str = "teleclay_lateness_seconds{quantile=\"0.99\"}";
 const UDP_ECHO: &str = "127.0.0.1:17488";
 
 /// A child that ends with this value.
@@ -46,7 +50,8 @@ pub(crate) fn rows() -> anyhow::Result<Vec<Row>> {
     let mut bare = zenoh_round_trips(ZENOH_ECHO).context("bare Zenoh")?;
     let mut encrypted = zenoh_round_trips(ENCRYPTED_ECHO).context("bare Zenoh over QUIC")?;
     std::fs::remove_dir_all(folder())?;
-    let product = product_round_trips().context("server and handle")?;
+    let product = product_round_trips(Keeping::Journal).context("server and handle")?;
+    let ephemeral = product_round_trips(Keeping::Nothing).context("a server that keeps nothing")?;
     let (udp_p50, bare_p50) = (quantile(&mut udp, 0.5), quantile(&mut bare, 0.5));
     Ok(vec![
         Row::new("bare_udp_round_trip_p50_s", "s", bare_p50, udp_p50),
@@ -68,6 +73,26 @@ pub(crate) fn rows() -> anyhow::Result<Vec<Row>> {
         .beside(quantile(&mut bare, 0.99)),
         Row::new("loop_tick_work_p50_s", "s", 10e-6 + 10e-6, product.tick_p50),
         Row::new("loop_late_tick_share", "1", 0.001, product.late_share),
+        Row::new(
+            "loop_tick_work_with_journal_p50_s",
+            "s",
+            ephemeral.tick_p50 + FOR_THE_JOURNAL_S,
+            product.tick_p50,
+        )
+        .beside(ephemeral.tick_p50),
+        Row::new(
+            "loop_lateness_with_journal_p99_s",
+            "s",
+            1.1 * ephemeral.lateness_p99,
+            product.lateness_p99,
+        )
+        .beside(ephemeral.lateness_p99),
+        Row::new(
+            "journal_bytes_per_sweep",
+            "B",
+            64.0,
+            product.bytes_per_sweep,
+        ),
     ])
 }
 
@@ -216,15 +241,24 @@ fn zenoh_round_trips(endpoint: &str) -> anyhow::Result<Vec<u64>> {
     })
 }
 
+/// Whether a server keeps what happens.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Keeping {
+    Journal,
+    Nothing,
+}
+
 struct Product {
     p50: f64,
     p99: f64,
     tick_p50: f64,
     late_share: f64,
+    lateness_p99: f64,
+    bytes_per_sweep: f64,
 }
 
 /// The real server and the real handle, cutting; figures as the session tells them.
-fn product_round_trips() -> anyhow::Result<Product> {
+fn product_round_trips(keeping: Keeping) -> anyhow::Result<Product> {
     let folder = std::env::current_exe()?
         .parent()
         .context("a program lies in a folder")?
@@ -234,6 +268,7 @@ fn product_round_trips() -> anyhow::Result<Product> {
         Command::new(folder.join("teleclay-server"))
             .args(["--listen", HTTP, "--zenoh-listen", ZENOH, "--data-dir"])
             .arg(&data)
+            .args((keeping == Keeping::Nothing).then_some("--ephemeral"))
             .stdout(Stdio::null())
             .stderr(Stdio::null())
             .spawn()
@@ -267,6 +302,8 @@ fn product_round_trips() -> anyhow::Result<Product> {
     };
     std::thread::sleep(Duration::from_secs(8));
     let state = session()?;
+    let lateness_p99 = lateness_p99_s()?;
+    let bytes = journal_bytes(&data, keeping)?;
     // The server may have made it, or not.
     let _ = std::fs::remove_dir_all(&data);
     let number = |path: &str| {
@@ -288,7 +325,32 @@ fn product_round_trips() -> anyhow::Result<Product> {
         p99: number("/loop/rtt_s/p99")?,
         tick_p50: number("/loop/tick_s/p50")?,
         late_share: late / ticks,
+        lateness_p99,
+        bytes_per_sweep: bytes / number("/tools/0/sweeps_durable")?,
     })
+}
+
+/// Bytes of records and what stands around them, without what is reserved for more.
+fn journal_bytes(data: &Path, keeping: Keeping) -> anyhow::Result<f64> {
+    if keeping == Keeping::Nothing {
+        return Ok(0.0);
+    }
+    let reader = Reader::verify(Disk::existing(data.join("sessions/of/demo"))?)?;
+    let bytes: u64 = reader.spare().map(|(_, used)| used).sum();
+    Ok(bytes as f64)
+}
+
+fn lateness_p99_s() -> anyhow::Result<f64> {
+    let shown = ureq::get(format!("http://{HTTP}/metrics"))
+        .call()?
+        .body_mut()
+        .read_to_string()?;
+    let line = shown
+        .lines()
+        .find(|line| line.starts_with(LATENESS_P99))
+        .with_context(|| format!("no {LATENESS_P99} among the metrics"))?;
+    let value = line.rsplit(' ').next().unwrap_or_default();
+    Ok(value.parse()?)
 }
 
 fn session() -> anyhow::Result<Value> {

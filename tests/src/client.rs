@@ -160,6 +160,23 @@ impl Client {
         ))
     }
 
+    /// Puts a file under `/api/v1`, and gives the answer.
+    ///
+    /// # Errors
+    /// The server refuses.
+    pub fn put_file(&self, path: &str, media_type: &str, file: &[u8]) -> Result<Value> {
+        let mut request = self.agent.put(format!("{}/api/v1{path}", self.origin));
+        if let Some(token) = &self.token {
+            request = request.header("Authorization", format!("Bearer {token}"));
+        }
+        let sent = request.header("content-type", media_type).send(file);
+        let mut answer = sent.with_context(|| format!("PUT {path}"))?;
+        let status = answer.status();
+        let text = answer.body_mut().read_to_string()?;
+        ensure!(status == 200, "PUT {path} answered {status}: {text}");
+        Ok(serde_json::from_str(&text)?)
+    }
+
     /// Puts a fresh block.
     ///
     /// # Errors

@@ -10,7 +10,9 @@ use axum::http::header;
 use axum::response::IntoResponse;
 use metrics::{Label, Unit, counter, describe_counter, describe_gauge, gauge, with_local_recorder};
 use metrics_exporter_prometheus::PrometheusBuilder;
-use teleclay_proto::http::{LoopState, Quantiles, Session, SessionState};
+use teleclay_proto::http::{
+    LoopState, Quantiles, Session, SessionState, StorageState, TickQuantiles,
+};
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
@@ -48,6 +50,7 @@ fn render(api: &Api) -> String {
         sessions.iter().for_each(write_session);
     });
     let mut text = recorder.handle().render();
+    write_lateness(&api.directory().lateness(), &mut text);
     write_summaries(&sessions, &mut text);
     text
 }
@@ -75,6 +78,26 @@ fn write_summaries(sessions: &[Session], text: &mut String) {
     }
 }
 
+fn write_lateness(quantiles: &TickQuantiles, text: &mut String) {
+    const NAME: &str = "teleclay_lateness_seconds";
+    const MEANING: &str = "How long after its time a tick started, over the last 5 to 10 seconds; quantile 1 is the greatest";
+    // Writing to a String cannot fail.
+    let _ = write!(text, "# HELP {NAME} {MEANING}\n# TYPE {NAME} summary\n");
+    for (quantile, value) in tick_quantiles(quantiles) {
+        let _ = writeln!(text, "{NAME}{{quantile=\"{quantile}\"}} {value}");
+    }
+    text.push('\n');
+}
+
+fn tick_quantiles(of: &TickQuantiles) -> Vec<(&'static str, f64)> {
+    vec![
+        ("0.5", of.p50),
+        ("0.99", of.p99),
+        ("0.999", of.p999),
+        ("1", of.max),
+    ]
+}
+
 type Summary = (
     &'static str,
     &'static str,
@@ -86,15 +109,7 @@ const SUMMARIES: [Summary; 3] = [
     (
         "teleclay_tick_seconds",
         "What a tick of all sessions takes to compute, over the last 5 to 10 seconds; quantile 1 is the greatest",
-        |state| {
-            let tick = state.tick_s;
-            vec![
-                ("0.5", tick.p50),
-                ("0.99", tick.p99),
-                ("0.999", tick.p999),
-                ("1", tick.max),
-            ]
-        },
+        |state| tick_quantiles(&state.tick_s),
     ),
     (
         "teleclay_rtt_seconds",
@@ -192,6 +207,19 @@ fn write_session(session: &Session) {
         gauge!("teleclay_packets_per_second", with("direction", direction)).set(per_s);
     }
     gauge!("teleclay_link_energy_joules", labels()).set(control_loop.energy_j);
+
+    let storage = &session.storage;
+    for (word, state) in [
+        ("durable", StorageState::Durable),
+        ("behind", StorageState::Behind),
+        ("failed", StorageState::Failed),
+        ("ephemeral", StorageState::Ephemeral),
+    ] {
+        gauge!("teleclay_storage_state", with("state", word)).set(one_if(storage.state == state));
+    }
+    gauge!("teleclay_storage_bytes", labels()).set(storage.bytes as f64);
+    counter!("teleclay_revision_total", labels()).absolute(session.revision);
+    counter!("teleclay_durable_revision_total", labels()).absolute(storage.durable_revision);
 }
 
 fn describe() {
@@ -276,6 +304,16 @@ const GAUGES: &[(&str, Unit, &str)] = &[
         Unit::Count,
         "Energy that entered the link less what left it; below zero it has made energy",
     ),
+    (
+        "teleclay_storage_state",
+        Unit::Count,
+        "1 for what has become of the session's history on disk",
+    ),
+    (
+        "teleclay_storage_bytes",
+        Unit::Count,
+        "What the session's history takes on disk",
+    ),
 ];
 
 /// Name and meaning of each counter.
@@ -314,6 +352,11 @@ const COUNTERS: &[(&str, &str)] = &[
     (
         "teleclay_messages_unheard_total",
         "Messages for tools that no holder of one wrote, or that had come before",
+    ),
+    ("teleclay_revision_total", "Changes of the session"),
+    (
+        "teleclay_durable_revision_total",
+        "Changes of the session that are on disk; 0 where nothing is kept",
     ),
 ];
 

@@ -18,7 +18,7 @@ use teleclay_keeping::{Archive, Home, HomeError, Keeper};
 use teleclay_link::time::Timestamp;
 use teleclay_proto::http::{
     DamagedSession, DamagedState, FieldError, ListedSession, NewSession, Readiness,
-    Session as SessionJson, StorageReport, StorageState, parse,
+    Session as SessionJson, StorageReport, StorageState, TickQuantiles, parse,
 };
 use teleclay_proto::join::{
     ChallengeReply, ChallengeRequest, Granted, JoinReply, JoinRequest, RefusalCode, SealedJoin,
@@ -347,6 +347,12 @@ impl Directory {
         if let Ok(Err(error)) = removed.await {
             tracing::error!(%error, "the files of a deleted session cannot be removed");
         }
+    }
+
+    /// How long after their time the last seconds' ticks started, s.
+    pub fn lateness(&self) -> TickQuantiles {
+        let stats = self.0.loop_stats.lock().expect("no holder panics");
+        stats.lateness.tick_quantiles()
     }
 
     /// Whether the loop runs and Zenoh is up.

@@ -150,6 +150,8 @@ fn a_damaged_session_is_set_aside_and_the_others_go_on() {
     fs::write(&file, &bytes).unwrap();
 
     let server = Server::start_again(Remains { ports, data }).unwrap();
+    let said = server.beside(&["history", DEMO, "--verify"]).unwrap_err();
+    assert!(said.to_string().contains(", record "), "{said}");
     let (status, listed) = server.client.ask("/sessions").unwrap();
     assert_eq!(status, 200);
     let listed = listed.as_array().unwrap();
@@ -399,4 +401,44 @@ fn a_duplicate_has_the_clay_and_a_history_of_its_own() {
     let server = Server::start_again(server.kill_and_keep().unwrap()).unwrap();
     let again = server.client.session("twin").unwrap();
     assert_eq!(again.clay.hash, twin.clay.hash);
+}
+
+#[test]
+fn an_imported_mesh_is_the_same_clay_after_a_kill_and_for_a_hand() {
+    let server = Server::on_free_ports().unwrap();
+    let cut = cut_a_little(&server, "Ada");
+    let file = server.client.stl(DEMO).unwrap();
+    let path = format!("/sessions/{DEMO}/clay?fit=true");
+    let imported = server.client.put_file(&path, "model/stl", &file).unwrap();
+    assert_eq!(imported["clay"]["epoch"], cut.clay.epoch + 1);
+    let mut hand = Handle::start(&HandleOptions::new(&server.endpoint())).unwrap();
+    let client = &server.client;
+    let cut_again = |session: &Session| cuts(session) && 0 < session.clay.removed_units;
+    client
+        .session_when(DEMO, "a cut of it", PATIENCE, cut_again)
+        .unwrap();
+    client.let_pass(DEMO, 300).unwrap();
+    assert!(hand.process.end().unwrap().success());
+    let copies: BTreeSet<String> = hand
+        .ticks()
+        .unwrap()
+        .into_iter()
+        .map(|row| row.copy)
+        .collect();
+    assert!(
+        copies.contains("live") && !copies.contains("diverged"),
+        "{copies:?}"
+    );
+    let before = client
+        .session_when(DEMO, "all of it on disk", PATIENCE, is_cut_and_durable)
+        .unwrap();
+    let server = Server::start_again(server.kill_and_keep().unwrap()).unwrap();
+    let after = server.client.session(DEMO).unwrap();
+    assert_eq!(after.clay, before.clay);
+    let (status, undone) = server
+        .client
+        .post(&format!("/sessions/{DEMO}/undo"), &json!({ "since": 1 }))
+        .unwrap();
+    assert_eq!(status, 200, "{undone}");
+    assert_eq!(undone["clay"]["hash"], imported["clay"]["hash"]);
 }
