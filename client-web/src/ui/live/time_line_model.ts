@@ -53,7 +53,7 @@ export function lanesOf({ strokes, from_s, to_s }: Strokes, width_px: number): L
     for (const stroke of own) {
       const before = marks.at(-1);
       const left = shareOf(stroke.from_s, { from_s, to_s });
-      if (before !== undefined && before.isUndone === stroke.undone && (left - before.left - before.width) * px < GAP_PX) {
+      if (before?.isUndone === stroke.undone && (left - before.left - before.width) * px < GAP_PX) {
         marks[marks.length - 1] = markOf([...before.strokes, stroke], { from_s, to_s }, px);
       } else marks.push(markOf([stroke], { from_s, to_s }, px));
     }
