@@ -105,12 +105,13 @@ function coarseOf(positions: Float32Array, indices: Uint32Array, [nx, ny, nz]: r
 /** Three corners, x, y, z each. */
 type Triangle = readonly [number, number, number, number, number, number, number, number, number];
 
+/** A surface of voxels has no longer triangles, voxels: only those of another kind are split. */
+const LONGEST = 1.5;
 /** Enough for a triangle across the largest grid, of 512 voxels; a bound for one that is no triangle of clay. */
-const MOST_HALVINGS = 16;
+const MOST_HALVINGS = 18;
 
-/** Whether a triangle reaches over more than a cell. */
 function isLong([ax, ay, , bx, by, , cx, cy]: Triangle): boolean {
-  return COARSENESS < Math.max(ax, bx, cx) - Math.min(ax, bx, cx) || COARSENESS < Math.max(ay, by, cy) - Math.min(ay, by, cy);
+  return LONGEST < Math.max(ax, bx, cx) - Math.min(ax, bx, cx) || LONGEST < Math.max(ay, by, cy) - Math.min(ay, by, cy);
 }
 
 /** A triangle in two, across its longest edge as seen from above. */

@@ -30,8 +30,8 @@ export function duration(seconds: number | undefined): { text: string; unit: str
 export function dataSize(bytes: number): string {
   if (bytes < 1000) return `${count(bytes)} B`;
   for (const [unit, size] of [["kB", 1e3], ["MB", 1e6], ["GB", 1e9]] as const) {
-    // 999.6 of one unit would be shown as 1000 of them.
-    if (bytes < 999.5 * size) return `${significant(bytes / size)} ${unit}`;
+    // 999.6 of one unit would be shown as 1000 of them, and is 1.00 of the next.
+    if (bytes < 999.5 * size) return `${significant(Math.max(bytes / size, 1))} ${unit}`;
   }
   return `${significant(bytes / 1e12)} TB`;
 }

@@ -64,7 +64,7 @@ export function lanesOf({ strokes, from_s, to_s }: Strokes, width_px: number): L
 function markOf(strokes: readonly Stroke[], span: Span, width_px: number): Mark {
   const [from_s, to_s] = [strokes[0].from_s, Math.max(...strokes.map((stroke) => stroke.to_s))];
   const left = shareOf(from_s, span);
-  const width = Math.max(shareOf(to_s, span) - left, LEAST_PX / width_px);
+  const width = Math.min(Math.max(shareOf(to_s, span) - left, LEAST_PX / width_px), 1);
   // The last one does not stick out of the line.
   return { strokes, isUndone: strokes[0].undone, from_s, to_s, left: Math.max(Math.min(left, 1 - width), 0), width };
 }
