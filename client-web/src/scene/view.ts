@@ -144,7 +144,7 @@ export class ClayView {
 
   applyClay(update: Meshes): void {
     this.#clay.apply(update);
-    this.#touch();
+    this.#touchPresent();
   }
 
   /** Shows the clay of another moment, and nothing of what is now; nothing: now. */
@@ -187,7 +187,7 @@ export class ClayView {
     const now = pose === undefined ? [] : [...pose.tool_m, ...pose.handle_m, ...pose.toolForce_n, ...pose.feltForce_n, mm_per_n];
     if (isSame(now, this.#posed)) return;
     this.#posed = now;
-    this.#touch();
+    this.#touchPresent();
     if (pose === undefined) {
       this.#tool.hide();
       this.#toolForce.hide();
@@ -212,7 +212,7 @@ export class ClayView {
     if (isSame(now, this.#placed)) return;
     this.#placed = now;
     this.#others.place(places_m);
-    this.#touch();
+    this.#touchPresent();
   }
 
   /** How many tools of others are on show. */
@@ -225,7 +225,7 @@ export class ClayView {
     if (isSame(points_m, this.#trailed)) return;
     this.#trailed = points_m;
     this.#trail.set(points_m, TRAIL_LIFT_MM);
-    this.#changed = true;
+    this.#changed ||= !this.#past.isShown;
   }
 
   setColours(colours: ViewColours, dark: boolean): void {
@@ -310,6 +310,11 @@ export class ClayView {
     if (this.#sight === undefined) return;
     this.#look = undefined;
     lookFrom(this.#sight, this.#camera, this.#orbit);
+  }
+
+  /** Something that is as it is now has moved: nobody sees that while the past is shown. */
+  #touchPresent(): void {
+    if (!this.#past.isShown) this.#touch();
   }
 
   /** Something that casts a shadow has moved. */

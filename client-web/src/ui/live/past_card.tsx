@@ -27,7 +27,7 @@ export function PastCard(): JSX.Element | null {
           type="button"
           disabled={taken === undefined || moment.name !== "shown" || timeLine.isBusy.value || !live.isCurrent.value}
           onClick={() => void goOn()}
-          title="undoes all that was cut since; Redo brings it back, stroke by stroke"
+          title={`${takenWords(taken)} Redo brings it back, stroke by stroke.`}
           data-testid="go-on-from-here"
         >
           Go on from here

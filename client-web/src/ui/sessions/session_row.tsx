@@ -26,7 +26,7 @@ export function SessionRow({ session, onDelete, onDuplicate, isNew }: RowProps<S
     <tr data-testid={`session-${id}`} data-state={state} data-new={isNew}>
       <th scope="row">
         <a href={addressOfSession(id)}>{id}</a>
-        {live.session.value?.id === id && <small> on show</small>}
+        {live.session.value?.id === id && <small>on show</small>}
       </th>
       <td data-label="state"><span class="badge" data-state={state}>{state}</span></td>
       <td data-label="scheme">{schemeName(scheme)}</td>
@@ -57,7 +57,7 @@ export function DamagedRow({ session, onDelete }: RowProps<DamagedSession>): JSX
       <td data-label="state"><span class="badge" data-state="fault">damaged</span></td>
       <td colSpan={3} class="reason">{storage.reason ?? "its files cannot be read"}</td>
       <td data-label="on disk" class="number">{dataSize(storage.bytes)}</td>
-      <td data-label="storage"><span class="storage-word" data-storage="failed">cannot be read</span></td>
+      <td data-label="storage"><span class="storage-word" data-storage="failed">unreadable</span></td>
       <td class="acts">
         <button type="button" onClick={onDelete} aria-label={`Delete ${id}`} data-testid="delete">Delete…</button>
       </td>
