@@ -162,8 +162,9 @@ describe("the Sessions page", () => {
 
 /** What the list says of a session's state; nothing where it does not have it. */
 async function stateOf(session: string): Promise<string | undefined> {
-  const row = page.page.getByTestId(`session-${session}`);
-  return (await row.count()) === 0 ? undefined : ((await row.getAttribute("data-state")) ?? undefined);
+  // At one look: the list may change between two.
+  const states = await page.page.getByTestId(`session-${session}`).evaluateAll((rows) => rows.map((row) => row.getAttribute("data-state")));
+  return states.at(0) ?? undefined;
 }
 
 async function remove(session: string): Promise<void> {

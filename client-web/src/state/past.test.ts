@@ -82,6 +82,29 @@ describe("the past", () => {
     expect(platform.loads[1].path).toBe("clay?at_s=6");
   });
 
+  it("is asked for again where a server is busy, for a while, and not once somebody looks elsewhere", async () => {
+    const { platform, past } = looking();
+    const busy = { type: "/problems/busy", title: "busy", status: 503, detail: "enough is under way" };
+    let left = 3;
+    platform.file = () => {
+      left -= 1;
+      return left < 0 ? served("clay") : served(JSON.stringify(busy), 503);
+    };
+    past.show(1);
+    await platform.pass(3000);
+    expect([past.moment.value, platform.loads.length]).toEqual([{ name: "shown", at_s: 1 }, 4]);
+    left = 1000;
+    past.show(2);
+    await platform.pass(10_000);
+    expect(past.moment.value).toEqual({ name: "refused", at_s: 2, because: "enough is under way" });
+    const asked = platform.loads.length;
+    past.show(3);
+    await platform.pass(500);
+    past.backToNow();
+    await platform.pass(10_000);
+    expect(platform.loads.length - asked).toBeLessThan(3);
+  });
+
   it("that cannot be had says why, and shows no other moment instead", async () => {
     const { platform, past } = looking();
     platform.file = () => served("clay");

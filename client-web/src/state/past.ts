@@ -18,6 +18,13 @@ export type Moment =
  * a second, and not at each of its moves.
  */
 const GATHER_MS = 150;
+/**
+ * A server that has enough large answers under way says so, perhaps on account of wishes that were given up just now:
+ * then it is asked again, so often and this far apart, ms.
+ */
+const BUSY = 503;
+const BUSY_TRIES = 8;
+const BUSY_MS = 400;
 const NOW: Moment = { name: "now" };
 
 /** `Shown`: what becomes of a file. */
@@ -92,6 +99,11 @@ export class Past<Shown> {
     let loaded;
     try {
       loaded = await this.#platform.load(path, signal);
+      for (let tries = 1; loaded.status === BUSY && tries < BUSY_TRIES && !signal.aborted; tries += 1) {
+        await new Promise<void>((resolve) => this.#platform.after(BUSY_MS, resolve));
+        signal.throwIfAborted();
+        loaded = await this.#platform.load(path, signal);
+      }
     } catch {
       return "the server did not answer";
     }
