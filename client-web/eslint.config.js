@@ -57,7 +57,7 @@ export default tseslint.config(
   },
   {
     files: ["src/protocol/**/*.ts", "src/clay/**/*.ts", "src/theory/**/*.ts", "src/state/**/*.ts"],
-    ignores: [...tests, "src/clay/worker.ts"],
+    ignores: [...tests, "src/clay/worker.ts", "src/clay/past_worker.ts"],
     rules: { "no-restricted-globals": ["error", ...page] },
   },
   border(["src/protocol/**"], [three, uplot, preact, signals, upwards("clay", "theory", "state", "scene", "plots", "ui")], tests),

@@ -1,12 +1,12 @@
 // The real server and the real handle, as processes of their own on ports of their own.
 
 import { type ChildProcess, spawn } from "node:child_process";
-import { existsSync, mkdtempSync, rmSync } from "node:fs";
+import { existsSync, mkdtempSync, readdirSync, readFileSync, rmSync, statSync, writeFileSync } from "node:fs";
 import { createServer } from "node:net";
 import { tmpdir } from "node:os";
-import { join, resolve } from "node:path";
+import { join, resolve, sep } from "node:path";
 import { decodeSession } from "../src/protocol/text";
-import type { Session } from "../src/protocol/session";
+import type { Session, SessionPatch } from "../src/protocol/session";
 import { until } from "./until";
 
 const BINARIES = resolve(process.env["TELECLAY_BIN_DIR"] ?? join(import.meta.dirname, "../../target/release"));
@@ -126,6 +126,22 @@ export class Teleclay {
 
   async session(name = SESSION): Promise<Session> {
     return decodeSession(await (await fetch(`${this.url}/api/v1/sessions/${name}`)).text());
+  }
+
+  /** Changes a session. */
+  async patch(name: string, change: SessionPatch): Promise<void> {
+    const answer = await fetch(`${this.url}/api/v1/sessions/${name}`, {
+      method: "PATCH", headers: { "content-type": "application/json" }, body: JSON.stringify(change),
+    });
+    if (!answer.ok) throw new Error(`the change of ${name} was answered ${answer.status}: ${await answer.text()}`);
+  }
+
+  /** Does to the files of a session what a bad disk does: every one of them is turned inside out. */
+  damage(session: string): void {
+    const files = readdirSync(this.#data, { recursive: true, encoding: "utf8" })
+      .filter((path) => path.split(sep).includes(session)).map((path) => join(this.#data, path)).filter((path) => statSync(path).isFile());
+    if (files.length === 0) throw new Error(`${this.#data} has no files of ${session}`);
+    for (const file of files) writeFileSync(file, readFileSync(file).map((byte) => ~byte));
   }
 
   /** Everything ends; nothing is left behind. */

@@ -8,6 +8,8 @@ import "./ui/style/theme.css";
 import "./ui/style/shell.css";
 import "./ui/style/live.css";
 import "./ui/style/controls.css";
+import "./ui/style/sessions.css";
+import "./ui/style/time_line.css";
 import "./ui/style/theory.css";
 import { followTheme } from "./ui/theme";
 

@@ -22,6 +22,20 @@ export type Session = Omit<Schemas["Session"], "material" | "network"> & {
   readonly network: { readonly up: Impairment; readonly down: Impairment };
 };
 
+export type Storage = Schemas["StorageReport"];
+
+/** A session whose files on disk are damaged: it can be deleted, and nothing else. */
+export interface DamagedSession {
+  readonly id: string;
+  readonly state: "damaged";
+  readonly storage: Storage;
+}
+
+/** What a list of sessions has of each. */
+export type SessionEntry = Session | DamagedSession;
+
+export const isDamaged = (entry: SessionEntry): entry is DamagedSession => entry.state === "damaged";
+
 const vector = v.tuple([v.number(), v.number(), v.number()]) satisfies Check<"Vector">;
 
 export const SCHEMES = ["force_exchange", "position_force", "wave", "tdpa", "replica"] as const satisfies readonly Scheme[];
@@ -96,6 +110,13 @@ const toolState = v.object({
   }),
 }) satisfies Check<"ToolState">;
 
+const storage = v.object({
+  state: v.picklist(["durable", "behind", "failed", "ephemeral"]),
+  durable_revision: v.number(),
+  bytes: v.number(),
+  reason: v.nullable(v.string()),
+}) satisfies Check<"StorageReport">;
+
 export const sessionSchema: v.GenericSchema<unknown, Session> = v.object({
   id: v.string(),
   revision: v.number(),
@@ -123,12 +144,7 @@ export const sessionSchema: v.GenericSchema<unknown, Session> = v.object({
   tools: v.array(toolState),
   position_ratio: v.number(),
   coordination_m: v.number(),
-  storage: v.object({
-    state: v.picklist(["durable", "behind", "failed", "ephemeral"]),
-    durable_revision: v.number(),
-    bytes: v.number(),
-    reason: v.nullable(v.string()),
-  }),
+  storage,
   loop: v.object({
     rate_hz: v.number(),
     ticks: v.number(),
@@ -146,6 +162,14 @@ export const sessionSchema: v.GenericSchema<unknown, Session> = v.object({
     scheduler: v.string(),
   }),
 });
+
+const damagedSchema = v.object({ id: v.string(), state: v.literal("damaged"), storage }) satisfies v.GenericSchema<unknown, DamagedSession>;
+
+const hasState = v.object({ state: v.string() });
+
+/** Told apart before they are checked, so that a fault is told of the kind that was meant. */
+export const sessionEntrySchema: v.GenericSchema<unknown, SessionEntry> = v.lazy((entry) =>
+  v.is(hasState, entry) && entry.state === "damaged" ? damagedSchema : sessionSchema);
 
 /** RFC 9457 problem details. */
 export const problemSchema: Check<"Problem"> = v.object({

@@ -5,8 +5,9 @@ import type { Check, Schemas } from "./api";
 import { DecodeError } from "./header";
 import { type LatencyTable, latencyTableSchema } from "./latency";
 import * as theory from "./theory";
-import { clayResetSchema, patchSchema, problemSchema, sessionSchema } from "./session";
-import type { Problem, Session } from "./session";
+import { clayResetSchema, patchSchema, problemSchema, sessionEntrySchema, sessionSchema } from "./session";
+import type { Problem, Session, SessionEntry } from "./session";
+import { type Strokes, strokesSchema } from "./strokes";
 
 /** What the server speaks; asked for when the socket is opened. */
 export const SUBPROTOCOL = "teleclay.v1";
@@ -37,7 +38,8 @@ export const decodeClientText = (text: string): ClientText => decode(clientText,
 export const encodeText = (message: ServerText | ClientText): string => JSON.stringify(message);
 
 export const decodeSession = (text: string): Session => decode(sessionSchema, text);
-export const decodeSessions = (text: string): Session[] => decode(v.array(sessionSchema), text);
+export const decodeSessions = (text: string): SessionEntry[] => decode(v.array(sessionEntrySchema), text);
+export const decodeStrokes = (text: string): Strokes => decode(strokesSchema, text);
 
 export const decodeLoopAnswer = (text: string): theory.LoopAnswer => decode(theory.loopAnswerSchema, text);
 export const decodeCuttingAnswer = (text: string): theory.CuttingAnswer => decode(theory.cuttingAnswerSchema, text);

@@ -4,7 +4,8 @@ import * as THREE from "three";
 import { MeshArena, type Stretch } from "../clay/arena";
 import { COARSE_EDGE, type Meshes } from "../clay/port";
 import type { Vector } from "../protocol/session";
-import { type ClayMaterial, clayMaterial } from "./clay_material";
+import { type Block, type ClayMaterial, clayMaterial } from "./clay_material";
+import { occupancyTexture, putOccupancy } from "./occupancy";
 import type { Quality } from "./quality";
 
 const MM_PER_M = 1000;
@@ -81,27 +82,14 @@ export class ClayMesh {
   /** The material counts in the mesh's voxels. */
   #describe(): void {
     if (this.#block === undefined || this.#voxel_size_m === 0) return;
-    const { size_m, heights_m, steps_m } = this.#block;
-    const inVoxels = (metres: number): number => metres / this.#voxel_size_m;
-    this.#look.setBlock({
-      size: new THREE.Vector3(...size_m.map(inVoxels)),
-      heights: heights_m.map(inVoxels),
-      steps: steps_m.map(inVoxels),
-    });
+    this.#look.setBlock(inVoxels(this.#block, this.#voxel_size_m));
   }
 
   #putCoarse(index: number, coarse: Uint8Array): void {
     const [nx, ny] = this.#bricksPerAxis;
     const at = [index % nx, Math.floor(index / nx) % ny, Math.floor(index / (nx * ny))];
-    const [x, y, z] = at.map((n) => n * COARSE_EDGE + RIM);
-    const { data, width, height } = this.#occupancy.image;
-    if (data === null) return;
-    for (let k = 0; k < COARSE_EDGE; k += 1) {
-      for (let j = 0; j < COARSE_EDGE; j += 1) {
-        const row = COARSE_EDGE * (j + COARSE_EDGE * k);
-        data.set(coarse.subarray(row, row + COARSE_EDGE), x + width * (y + j + height * (z + k)));
-      }
-    }
+    const [x, y, z] = at.map((n) => n * COARSE_EDGE);
+    putOccupancy(this.#occupancy, [x, y, z], [COARSE_EDGE, COARSE_EDGE, COARSE_EDGE], coarse);
   }
 
   #upload(): void {
@@ -131,6 +119,12 @@ export class ClayMesh {
   }
 }
 
+/** As the material counts. */
+export function inVoxels({ size_m, heights_m, steps_m }: BlockDescription, voxel_size_m: number): Block {
+  const voxels = (metres: number): number => metres / voxel_size_m;
+  return { size: new THREE.Vector3(...size_m.map(voxels)), heights: heights_m.map(voxels), steps: steps_m.map(voxels) };
+}
+
 function mark(
   buffer: THREE.BufferAttribute | THREE.InterleavedBuffer | undefined,
   stretches: readonly Stretch[],
@@ -139,19 +133,4 @@ function mark(
   if (buffer === undefined || stretches.length === 0) return;
   for (const { start, count } of stretches) buffer.addUpdateRange(start * width, count * width);
   buffer.needsUpdate = true;
-}
-
-/** A rim of air about the grid, so that nothing beyond it looks like clay. */
-const RIM = 1;
-
-/** Mean occupancy of blocks of voxels. */
-function occupancyTexture(bricks: readonly [number, number, number]): THREE.Data3DTexture {
-  const [width, height, depth] = bricks.map((n) => n * COARSE_EDGE + 2 * RIM);
-  const texture = new THREE.Data3DTexture(new Uint8Array(width * height * depth), width, height, depth);
-  texture.format = THREE.RedFormat;
-  texture.minFilter = THREE.LinearFilter;
-  texture.magFilter = THREE.LinearFilter;
-  texture.unpackAlignment = 1;
-  texture.needsUpdate = true;
-  return texture;
 }

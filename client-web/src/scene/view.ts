@@ -2,6 +2,7 @@
 
 import * as THREE from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
+import type { PastMesh } from "../clay/past_mesh";
 import type { Meshes } from "../clay/port";
 import type { ToolShape, Vector } from "../protocol/session";
 import { Arrow } from "./arrow";
@@ -10,6 +11,7 @@ import { Finish } from "./finish";
 import type { StageColours } from "./ground";
 import { OtherTools } from "./other_tools";
 import { COARSEST, DISPLAY, Pace, PROCESSOR } from "./pace";
+import { PastClay } from "./past_clay";
 import { contextOf, processorDraws, type Quality } from "./quality";
 import { lookFrom, type Sight, sightOf } from "./sight";
 import { Stage } from "./stage";
@@ -57,6 +59,9 @@ export class ClayView {
   readonly #quality: Quality;
   readonly #stage: Stage;
   readonly #clay: ClayMesh;
+  readonly #past: PastClay;
+  /** What is as it is now: out of sight while the past is shown. */
+  readonly #present = new THREE.Group();
   readonly #tool: ToolModel;
   readonly #others = new OtherTools();
   readonly #toolForce = new Arrow();
@@ -101,6 +106,7 @@ export class ClayView {
     this.#finish = processorDraws() ? new Finish(context, this.#onFinish) : undefined;
     this.#stage = new Stage(quality);
     this.#clay = new ClayMesh(quality);
+    this.#past = new PastClay(quality);
     this.#renderer.toneMapping = THREE.AgXToneMapping;
     this.#renderer.toneMappingExposure = 1.25;
     this.#tool = new ToolModel(this.#renderer, quality);
@@ -113,8 +119,9 @@ export class ClayView {
     this.#orbit.listenToKeyEvents(canvas);
     this.#orbit.addEventListener("change", this.#onMove);
     this.#orbit.addEventListener("start", this.#onGrab);
-    this.#scene.add(this.#stage.group, this.#clay.mesh, this.#tool.group, this.#others.group, this.#trail.line);
-    this.#scene.add(this.#toolForce.group, this.#feltForce.group);
+    this.#present.add(this.#clay.mesh, this.#tool.group, this.#others.group, this.#trail.line);
+    this.#present.add(this.#toolForce.group, this.#feltForce.group);
+    this.#scene.add(this.#stage.group, this.#present, this.#past.mesh);
     this.look("corner");
     this.#sight = sight;
     this.#lookAgain();
@@ -125,8 +132,9 @@ export class ClayView {
     return this.#look === undefined ? sightOf(this.#camera, this.#orbit) : undefined;
   }
 
+  /** Of the clay on show. */
   get triangles(): number {
-    return this.#clay.triangles;
+    return this.#past.isShown ? this.#past.triangles : this.#clay.triangles;
   }
 
   /** Share of the screen's resolution that is drawn: below 1 where the graphics card is slow. */
@@ -136,11 +144,21 @@ export class ClayView {
 
   applyClay(update: Meshes): void {
     this.#clay.apply(update);
+    this.#touchPresent();
+  }
+
+  /** Shows the clay of another moment, and nothing of what is now; nothing: now. */
+  setPast(past: PastMesh | undefined): void {
+    if (past === undefined) this.#past.hide();
+    else this.#past.show(past);
+    this.#present.visible = past === undefined;
+    this.#rest_until_ms = Number.NEGATIVE_INFINITY; // somebody waits for it
     this.#touch();
   }
 
   setBlock(block: BlockDescription): void {
     this.#clay.setBlock(block);
+    this.#past.setBlock(block);
     const size = new THREE.Vector3(...block.size_m).multiplyScalar(MM_PER_M);
     if (!size.equals(this.#size)) {
       this.#size = size;
@@ -169,7 +187,7 @@ export class ClayView {
     const now = pose === undefined ? [] : [...pose.tool_m, ...pose.handle_m, ...pose.toolForce_n, ...pose.feltForce_n, mm_per_n];
     if (isSame(now, this.#posed)) return;
     this.#posed = now;
-    this.#touch();
+    this.#touchPresent();
     if (pose === undefined) {
       this.#tool.hide();
       this.#toolForce.hide();
@@ -194,7 +212,7 @@ export class ClayView {
     if (isSame(now, this.#placed)) return;
     this.#placed = now;
     this.#others.place(places_m);
-    this.#touch();
+    this.#touchPresent();
   }
 
   /** How many tools of others are on show. */
@@ -207,7 +225,7 @@ export class ClayView {
     if (isSame(points_m, this.#trailed)) return;
     this.#trailed = points_m;
     this.#trail.set(points_m, TRAIL_LIFT_MM);
-    this.#changed = true;
+    this.#changed ||= !this.#past.isShown;
   }
 
   setColours(colours: ViewColours, dark: boolean): void {
@@ -269,7 +287,7 @@ export class ClayView {
   dispose(): void {
     this.#finish?.dispose();
     this.#orbit.dispose();
-    for (const owner of [this.#stage, this.#clay, this.#tool, this.#others, this.#toolForce, this.#feltForce, this.#trail]) owner.dispose();
+    for (const owner of [this.#stage, this.#clay, this.#past, this.#tool, this.#others, this.#toolForce, this.#feltForce, this.#trail]) owner.dispose();
     this.#renderer.dispose();
   }
 
@@ -292,6 +310,11 @@ export class ClayView {
     if (this.#sight === undefined) return;
     this.#look = undefined;
     lookFrom(this.#sight, this.#camera, this.#orbit);
+  }
+
+  /** Something that is as it is now has moved: nobody sees that while the past is shown. */
+  #touchPresent(): void {
+    if (!this.#past.isShown) this.#touch();
   }
 
   /** Something that casts a shadow has moved. */

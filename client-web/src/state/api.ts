@@ -2,13 +2,19 @@
 
 import { decodeProblem, decodeSession } from "../protocol/text";
 import type { ClayReset, NewSession, Problem, Session, SessionPatch } from "../protocol/session";
+import type { Redo, Undo } from "../protocol/strokes";
 import { API } from "./connection";
-import type { Platform } from "./platform";
+import type { Answer, Platform, Upload } from "./platform";
 
 export type Outcome =
   | { readonly kind: "done"; readonly session: Session | undefined }
   | { readonly kind: "problem"; readonly problem: Problem }
   | { readonly kind: "away" };
+
+export type ClayFormat = "stl" | "3mf" | "glb";
+
+/** A file of tens of megabytes takes its time, and so does making clay of it. */
+const UPLOAD_MS = 120_000;
 
 export class Api {
   readonly #platform: Platform;
@@ -30,25 +36,66 @@ export class Api {
     return this.#ask("POST", `${API}/sessions`, session);
   }
 
-  stlPath(session: string): string {
-    return `${this.path(session)}/clay.stl`;
+  /** Another session, named `id`, with the clay and the settings of this one. */
+  duplicate(session: string, id: string): Promise<Outcome> {
+    return this.#ask("POST", `${this.path(session)}/duplicate`, { id });
+  }
+
+  remove(session: string): Promise<Outcome> {
+    return this.#ask("DELETE", this.path(session));
+  }
+
+  undo(session: string, which: Undo): Promise<Outcome> {
+    return this.#ask("POST", `${this.path(session)}/undo`, which);
+  }
+
+  redo(session: string, which: Redo): Promise<Outcome> {
+    return this.#ask("POST", `${this.path(session)}/redo`, which);
+  }
+
+  /** A fresh block in the shape of a file, made to fit. */
+  shape(session: string, upload: Upload): Promise<Outcome> {
+    return this.#outcome(() => this.#platform.put(`${this.path(session)}/clay?fit=true`, upload, UPLOAD_MS));
+  }
+
+  /** Where the clay is as a file: now, or as it was. */
+  clayPath(session: string, format: ClayFormat, at_s?: number): string {
+    return `${this.path(session)}/clay.${format}${at_s === undefined ? "" : `?at_s=${at_s}`}`;
+  }
+
+  historyPath(session: string): string {
+    return `${this.path(session)}/history`;
   }
 
   path(session: string): string {
     return `${API}/sessions/${encodeURIComponent(session)}`;
   }
 
-  async #ask(method: "POST" | "PATCH", path: string, body: unknown): Promise<Outcome> {
+  #ask(method: "POST" | "PATCH" | "DELETE", path: string, body?: unknown): Promise<Outcome> {
+    return this.#outcome(() => this.#platform.request(method, path, body));
+  }
+
+  async #outcome(ask: () => Promise<Answer>): Promise<Outcome> {
     let answer;
     try {
-      answer = await this.#platform.request(method, path, body);
+      answer = await ask();
     } catch {
       return { kind: "away" };
     }
     if (200 <= answer.status && answer.status < 300) return { kind: "done", session: sessionIn(answer.body) };
-    const problem = decodeProblem(answer.body);
-    return { kind: "problem", problem: problem ?? unexplained(answer.status) };
+    return { kind: "problem", problem: saidIn(answer) };
   }
+}
+
+/** Why something was not done, in words; nothing when it was. */
+export function refusalOf(outcome: Outcome): string | undefined {
+  if (outcome.kind === "done") return undefined;
+  return outcome.kind === "away" ? "the server did not answer" : outcome.problem.detail;
+}
+
+/** The problem in an answer that is no good one. */
+export function saidIn(answer: Answer): Problem {
+  return decodeProblem(answer.body) ?? unexplained(answer.status);
 }
 
 /** The session in a good answer. Some answers have no body; the next state message tells then. */

@@ -1,6 +1,7 @@
 // The stream from the server: opened, watched, and opened again for as long as the page lives.
 
 import { signal, type ReadonlySignal } from "@preact/signals-core";
+import { isDamaged, type SessionEntry } from "../protocol/session";
 import { decodeProblem, decodeSessions, encodeText, SUBPROTOCOL } from "../protocol/text";
 import type { Platform, Socket, SocketEnd } from "./platform";
 
@@ -80,6 +81,14 @@ export class Connection {
     void this.#attempt();
   }
 
+  /** Hears from elsewhere which sessions there are. */
+  know(sessions: readonly string[]): void {
+    const before = this.#sessions.peek();
+    if (sessions.length !== before.length || sessions.some((id, n) => id !== before[n])) this.#sessions.value = sessions;
+    // There is something to show now, and one need not wait to find that out.
+    if (0 < sessions.length && this.#phase.peek().name === "empty") void this.#attempt();
+  }
+
   /** Does not wait for the pause to end. */
   retryNow(): void {
     if (this.#phase.value.name !== "open") void this.#attempt();
@@ -124,7 +133,7 @@ export class Connection {
       if (answer.status === 401 || answer.status === 429) {
         return decodeProblem(answer.body)?.detail ?? `status ${answer.status}`;
       }
-      return answer.status === 200 ? decodeSessions(answer.body).map(({ id }) => id) : undefined;
+      return answer.status === 200 ? idsOf(decodeSessions(answer.body)) : undefined;
     } catch {
       return undefined; // nobody answers, or somebody else does: either way the server is away
     }
@@ -203,6 +212,11 @@ export class Connection {
     this.#ping_ms.value = undefined;
     if (this.#phase.value.name === "open") this.#phase.value = { name: "connecting" };
   }
+}
+
+/** The sessions that can be opened. */
+export function idsOf(entries: readonly SessionEntry[]): string[] {
+  return entries.filter((entry) => !isDamaged(entry)).map(({ id }) => id);
 }
 
 /** Why the server closed; nothing when the connection just broke. */

@@ -1,6 +1,6 @@
 // A world for tests: time stands still until it is told to pass, and the server says what the test says.
 
-import type { Answer, Platform, Socket, SocketEvents } from "./platform";
+import type { Answer, Loaded, Platform, Socket, SocketEvents, Upload } from "./platform";
 
 interface Timer {
   readonly at_ms: number;
@@ -32,6 +32,13 @@ export class FakePlatform implements Platform {
   readonly requests: { method: string; path: string; body: unknown }[] = [];
   /** What the server answers; throws when there is none. */
   answer: (method: string, path: string, body: unknown) => Answer | Promise<Answer> = () => {
+    throw new Error("nobody answers");
+  };
+  readonly puts: { path: string; upload: Upload }[] = [];
+  /** Files that were asked for, with the say of who asked: it gives up by aborting that. */
+  readonly loads: { path: string; signal: AbortSignal }[] = [];
+  /** The file at a path; throws when nobody answers. */
+  file: (path: string) => Loaded | Promise<Loaded> = () => {
     throw new Error("nobody answers");
   };
   #time_ms = 0;
@@ -68,6 +75,18 @@ export class FakePlatform implements Platform {
   async request(method: string, path: string, body?: unknown): Promise<Answer> {
     this.requests.push({ method, path, body });
     return this.answer(method, path, body);
+  }
+
+  async put(path: string, upload: Upload): Promise<Answer> {
+    this.puts.push({ path, upload });
+    return this.answer("PUT", path, undefined);
+  }
+
+  async load(path: string, signal: AbortSignal): Promise<Loaded> {
+    this.loads.push({ path, signal });
+    const loaded = await this.file(path);
+    signal.throwIfAborted();
+    return loaded;
   }
 
   /** The page is too busy to run any timer for a while; afterwards each that is due runs once. */

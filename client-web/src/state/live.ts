@@ -14,6 +14,7 @@ import type { Platform } from "./platform";
 import { Playhead } from "./playhead";
 import { type Quality, QualityTrend } from "./quality";
 import { sharing } from "./sharing";
+import { type StorageNews, StorageWatch } from "./storage_watch";
 
 const EVENTS_KEPT = 50;
 
@@ -34,12 +35,15 @@ export class Live {
 
   readonly #session = signal<Session | undefined>(undefined);
   readonly #quality = signal<Quality>({ loss: undefined, latePerS: 0 });
+  readonly #storage = signal<StorageNews>("fine");
   readonly #notices = signal<readonly Notice[]>([]);
   readonly #serverVersion = signal<string | undefined>(undefined);
   readonly #toolId = signal<number | undefined>(undefined);
   readonly #histories = new Map<number, History>();
   readonly #playhead = new Playhead();
+  readonly #platform: Platform;
   #trend = new QualityTrend();
+  #storageWatch = new StorageWatch();
   #notice = 0;
   /** Bytes of stream received, for the rate a watcher costs. */
   received_bytes = 0;
@@ -54,6 +58,7 @@ export class Live {
   readonly isCurrent: ReadonlySignal<boolean> = computed(() => this.connection.phase.value.name === "open");
 
   constructor(platform: Platform) {
+    this.#platform = platform;
     this.api = new Api(platform);
     this.connection = new Connection(platform, {
       onText: (text) => this.#onText(text),
@@ -68,6 +73,11 @@ export class Live {
 
   get quality(): ReadonlySignal<Quality> {
     return this.#quality;
+  }
+
+  /** Whether the disk keeps up with the session. */
+  get storage(): ReadonlySignal<StorageNews> {
+    return this.#storage;
   }
 
   get notices(): ReadonlySignal<readonly Notice[]> {
@@ -114,8 +124,14 @@ export class Live {
     const session = this.#session.peek();
     if (session === undefined) return { kind: "away" };
     const outcome = await this.api.reset(session.id, shape === undefined ? {} : { shape });
-    this.#adopt(outcome);
+    this.adopt(outcome);
     return outcome;
+  }
+
+  /** Shows what an answer says about the session on show, before the stream does. */
+  adopt(outcome: Outcome): void {
+    const told = outcome.kind === "done" ? outcome.session : undefined;
+    if (told !== undefined && told.id === this.#session.peek()?.id) this.#show(told);
   }
 
   report(level: Notice["level"], text: string, time_s?: number): void {
@@ -128,21 +144,19 @@ export class Live {
     const session = this.#session.peek();
     if (session === undefined) return { kind: "away" };
     const outcome = await this.api.patch(session.id, patch);
-    this.#adopt(outcome);
+    this.adopt(outcome);
     return outcome;
-  }
-
-  #adopt(outcome: Outcome): void {
-    if (outcome.kind === "done" && outcome.session !== undefined) this.#show(outcome.session);
   }
 
   #show(session: Session): void {
     this.#session.value = sharing(this.#session.peek(), session);
+    this.#storage.value = this.#storageWatch.look(session.storage.state, this.#platform.now_ms());
   }
 
   #startOver(): void {
     this.edits.forget();
     this.#trend = new QualityTrend();
+    this.#storageWatch = new StorageWatch();
     this.#histories.clear();
   }
 

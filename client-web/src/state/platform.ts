@@ -25,6 +25,18 @@ export interface Answer {
   readonly body: string;
 }
 
+/** A file's bytes, or what the server says instead. */
+export interface Loaded {
+  readonly status: number;
+  readonly bytes: ArrayBuffer;
+}
+
+/** A file for the server, and its media type. */
+export interface Upload {
+  readonly bytes: Blob;
+  readonly type: string;
+}
+
 export interface Platform {
   /** Time that never goes back, ms. */
   now_ms(): number;
@@ -35,5 +47,9 @@ export interface Platform {
   /** Opens a socket at a path of the server. */
   connect(path: string, subprotocol: string, events: SocketEvents): Socket;
   /** Rejects when nobody answers, or not within `patience_ms`. */
-  request(method: "GET" | "POST" | "PATCH", path: string, body?: unknown, patience_ms?: number): Promise<Answer>;
+  request(method: "GET" | "POST" | "PATCH" | "DELETE", path: string, body?: unknown, patience_ms?: number): Promise<Answer>;
+  /** Puts a file at a path of the server. Rejects as `request` does. */
+  put(path: string, upload: Upload, patience_ms: number): Promise<Answer>;
+  /** Rejects when nobody answers, or once `signal` is aborted. */
+  load(path: string, signal: AbortSignal): Promise<Loaded>;
 }

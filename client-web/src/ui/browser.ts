@@ -1,6 +1,7 @@
 // The browser as state/ wants to see it: sockets, requests, timers.
 
-import type { Answer, Platform, Socket, SocketEvents } from "../state/platform";
+import { saidIn } from "../state/api";
+import type { Answer, Loaded, Platform, Socket, SocketEvents, Upload } from "../state/platform";
 import { token } from "./token";
 
 /** A request that takes longer has failed, unless it is known to be long: the server answers in milliseconds. */
@@ -15,6 +16,8 @@ export const browser: Platform = {
   },
   connect,
   request,
+  put,
+  load,
 };
 
 function connect(path: string, subprotocol: string, events: SocketEvents): Socket {
@@ -38,7 +41,7 @@ function connect(path: string, subprotocol: string, events: SocketEvents): Socke
   };
 }
 
-async function request(method: "GET" | "POST" | "PATCH", path: string, body?: unknown, patience_ms = REQUEST_MS): Promise<Answer> {
+async function request(method: "GET" | "POST" | "PATCH" | "DELETE", path: string, body?: unknown, patience_ms = REQUEST_MS): Promise<Answer> {
   const response = await fetch(new URL(path, document.baseURI), {
     method,
     signal: AbortSignal.timeout(patience_ms),
@@ -46,6 +49,21 @@ async function request(method: "GET" | "POST" | "PATCH", path: string, body?: un
     ...(body === undefined ? {} : { body: JSON.stringify(body) }),
   });
   return { status: response.status, body: await response.text() };
+}
+
+async function put(path: string, { bytes, type }: Upload, patience_ms: number): Promise<Answer> {
+  const response = await fetch(new URL(path, document.baseURI), {
+    method: "PUT",
+    signal: AbortSignal.timeout(patience_ms),
+    headers: { ...authorization(), "content-type": type },
+    body: bytes,
+  });
+  return { status: response.status, body: await response.text() };
+}
+
+async function load(path: string, signal: AbortSignal): Promise<Loaded> {
+  const response = await fetch(new URL(path, document.baseURI), { signal, headers: authorization() });
+  return { status: response.status, bytes: await response.arrayBuffer() };
 }
 
 function authorization(): Record<string, string> {
@@ -57,7 +75,7 @@ function authorization(): Record<string, string> {
 export async function fetchFile(path: string): Promise<Blob | string> {
   try {
     const response = await fetch(new URL(path, document.baseURI), { headers: authorization() });
-    return response.ok ? await response.blob() : `the server answers with ${response.status}`;
+    return response.ok ? await response.blob() : saidIn({ status: response.status, body: await response.text() }).detail;
   } catch {
     return "the server does not answer";
   }

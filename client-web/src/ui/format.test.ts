@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { count, DASH, duration, fixed, plain, significant } from "./format";
+import { clock, count, DASH, dataSize, duration, fixed, plain, significant } from "./format";
 import { readTyped } from "./number/typed";
 
 describe("numbers", () => {
@@ -13,6 +13,15 @@ describe("numbers", () => {
     expect([undefined, 5e-6, 0.0123, 2].map((s) => duration(s))).toEqual([
       { text: DASH, unit: "ms" }, { text: "5.00", unit: "µs" }, { text: "12.3", unit: "ms" }, { text: "2.00", unit: "s" },
     ]);
+  });
+
+  it("show what lies on a disk in the unit that suits it", () => {
+    expect([0, 999, 1000, 12_345, 999_499, 999_501, 1_234_567, 5e9, 7.5e12].map(dataSize)).toEqual(
+      ["0 B", "999 B", "1.00 kB", "12.3 kB", "999 kB", "1.00 MB", "1.23 MB", "5.00 GB", "7.50 TB"]);
+  });
+
+  it("show moments as a clock does", () => {
+    expect([0, 9.9, 65, 3599.99, 3605, 36_000].map(clock)).toEqual(["0:00", "0:09", "1:05", "59:59", "1:00:05", "10:00:00"]);
   });
 
   it("stand in fields as they would be typed", () => {

@@ -26,6 +26,23 @@ export function duration(seconds: number | undefined): { text: string; unit: str
   return { text: significant(seconds), unit: "s" };
 }
 
+/** What something takes on a disk: `"1.23 MB"`, of a thousand thousand bytes. */
+export function dataSize(bytes: number): string {
+  if (bytes < 1000) return `${count(bytes)} B`;
+  for (const [unit, size] of [["kB", 1e3], ["MB", 1e6], ["GB", 1e9]] as const) {
+    // 999.6 of one unit would be shown as 1000 of them, and is 1.00 of the next.
+    if (bytes < 999.5 * size) return `${significant(Math.max(bytes / size, 1))} ${unit}`;
+  }
+  return `${significant(bytes / 1e12)} TB`;
+}
+
+/** A moment of a session as a clock shows it, to the second: `1:05`, `1:00:05`. */
+export function clock(time_s: number): string {
+  const [hours, minutes, seconds] = [Math.floor(time_s / 3600), Math.floor(time_s / 60) % 60, Math.floor(time_s) % 60];
+  const two = (n: number): string => String(n).padStart(2, "0");
+  return hours === 0 ? `${minutes}:${two(seconds)}` : `${hours}:${two(minutes)}:${two(seconds)}`;
+}
+
 /** Thousands apart, so that 1234567 can be read. */
 export function count(value: number): string {
   return Math.round(value).toLocaleString("en").replaceAll(",", " ");

@@ -6,6 +6,7 @@ import { ExperimentPage } from "./experiment/experiment_page";
 import { LatencyPage } from "./latency/latency_page";
 import { LivePage } from "./live/live_page";
 import { RobotPage } from "./robot/robot_page";
+import { SessionsPage } from "./sessions/sessions_page";
 import { StabilityPage } from "./stability/stability_page";
 
 export interface Page {
@@ -17,6 +18,7 @@ export interface Page {
 
 export const PAGES: readonly Page[] = [
   { path: "live", title: "Live", component: LivePage },
+  { path: "sessions", title: "Sessions", component: SessionsPage },
   { path: "experiment", title: "Experiment", component: ExperimentPage },
   { path: "stability", title: "Stability", component: StabilityPage },
   { path: "robot", title: "Robot", component: RobotPage },

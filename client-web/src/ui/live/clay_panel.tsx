@@ -1,6 +1,6 @@
 // The clay in 3-D, with what belongs to the picture over it: forces in numbers, the arrows' scale, where to look from.
 
-import { useSignal, useSignalEffect, useComputed, type Signal } from "@preact/signals";
+import { effect, useSignal, useSignalEffect, useComputed, type Signal } from "@preact/signals";
 import type { JSX } from "preact";
 import { useEffect, useRef } from "preact/hooks";
 import { Channel } from "../../protocol/telemetry";
@@ -8,11 +8,12 @@ import { ClayView, type Look, type ViewColours } from "../../scene/view";
 import { onFrame } from "../frame";
 import { wantedQuality } from "../picture_quality";
 import { DRAWN, SceneCanvas, type Standing } from "../scene_canvas";
-import { clayFeed, live } from "../store";
+import { clayFeed, live, past } from "../store";
 import { isDark } from "../theme";
 import { arrowScale } from "./arrow_scale";
 import { Forces } from "./forces";
 import { blockOf, othersOf, poseOf } from "./moment";
+import { PastCard } from "./past_card";
 import { SituationCard } from "./situation";
 
 const TRAIL_S = 4;
@@ -39,7 +40,7 @@ export function ClayPanel(): JSX.Element {
   });
 
   return (
-    <section class="panel clay" aria-label="Clay" ref={panel}>
+    <section class="panel clay" aria-label="Clay" ref={panel} data-past={past.clay.value !== undefined}>
       <SceneCanvas
         test="clay"
         label="The clay as it is being cut, with the tool and the forces on it. Arrow keys move the view, with shift they turn it"
@@ -49,6 +50,7 @@ export function ClayPanel(): JSX.Element {
             clayFeed.watch((update) => created.applyClay(update)),
             followSize(canvas, created),
             followLoop(created, mm_per_n, drawn),
+            effect(() => created.setPast(past.clay.value)),
           ];
           return () => {
             for (const end of ends) end();
@@ -58,7 +60,7 @@ export function ClayPanel(): JSX.Element {
         standing={standing}
       />
       <Forces />
-      <SituationCard />
+      {past.moment.value.name === "now" ? <SituationCard /> : <PastCard />}
       <div class="looks" role="group" aria-label="Look from">
         {looks.map((look) => (
           <button key={look} type="button" onClick={() => view.peek()?.look(look)}>{look}</button>

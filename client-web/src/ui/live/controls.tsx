@@ -3,10 +3,9 @@
 import { useComputed, useSignal } from "@preact/signals";
 import type { JSX } from "preact";
 import type { ClayShape } from "../../protocol/session";
-import { fetchFile } from "../browser";
-import { downloadFile } from "../download";
 import { fixed } from "../format";
 import { live } from "../store";
+import { ClayFiles } from "./clay_files";
 import { MaterialControls } from "./material_controls";
 import { NetworkControls } from "./network_controls";
 import { SchemeControls } from "./scheme_controls";
@@ -16,6 +15,7 @@ export function Controls(): JSX.Element {
   return (
     <fieldset class="panel controls" disabled={!live.isCurrent.value || live.session.value === undefined} aria-label="Controls">
       <RunControls />
+      <ClayFiles />
       <ToolChoice />
       <Story />
       <SchemeControls />
@@ -29,7 +29,6 @@ export function Controls(): JSX.Element {
 function RunControls(): JSX.Element {
   const edit = live.edits.of("/paused").value;
   const serverPaused = useComputed(() => live.session.value?.state === "paused");
-  const id = useComputed(() => live.session.value?.id);
   const refusal = useSignal<string | undefined>(undefined);
   const paused = edit.name === "wished" ? edit.value === true : serverPaused.value;
   const fresh = async (shape: ClayShape): Promise<void> => {
@@ -57,26 +56,9 @@ function RunControls(): JSX.Element {
           stepped
         </button>
       </span>
-      <button
-        type="button"
-        disabled={id.value === undefined}
-        onClick={() => void saveClay(id.value)}
-        title="the clay's surface now, in millimetres"
-        data-testid="stl"
-      >
-        STL
-      </button>
       {said !== undefined && <p class="refusal" role="alert">{said}</p>}
     </section>
   );
-}
-
-/** A link could not show the server a token. */
-async function saveClay(id: string | undefined): Promise<void> {
-  if (id === undefined) return;
-  const file = await fetchFile(live.api.stlPath(id));
-  if (typeof file === "string") live.report("error", `no STL: ${file}`);
-  else downloadFile(`${id}.stl`, file);
 }
 
 /** Which operator's tool the picture and the plots follow, when there are several. */

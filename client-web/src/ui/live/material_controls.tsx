@@ -3,17 +3,10 @@
 import { useComputed } from "@preact/signals";
 import type { JSX } from "preact";
 import type { Material } from "../../protocol/session";
+import { MATERIALS } from "../materials";
 import { NumberField } from "../number_field";
 import { decades } from "../slider_scale";
 import { live } from "../store";
-
-/** The viscous one is that of the cutting experiment: 20, 40 and 60 N·s/m at 1, 2 and 3 cm of a blade 1 cm wide. */
-const PRESETS: readonly (Material & { readonly name: string; readonly says: string })[] = [
-  { name: "viscous", says: "the cutting experiment's clay: force grows with speed alone", viscosity_pa_s_per_m: 2e5, yield_stress_pa: 0, stiffness_pa: 0 },
-  { name: "slip", says: "wet and soft", viscosity_pa_s_per_m: 5e4, yield_stress_pa: 500, stiffness_pa: 2e5 },
-  { name: "plastic", says: "holds its shape, gives way to a firm push", viscosity_pa_s_per_m: 1.5e5, yield_stress_pa: 4000, stiffness_pa: 1e6 },
-  { name: "firm", says: "stiff, hard to cut", viscosity_pa_s_per_m: 4e5, yield_stress_pa: 12000, stiffness_pa: 5e6 },
-];
 
 export function MaterialControls(): JSX.Element {
   const now = useComputed(() => live.session.value?.material).value;
@@ -25,7 +18,7 @@ export function MaterialControls(): JSX.Element {
     <section class="group" aria-label="Material">
       <h2>Clay</h2>
       <div class="chips" role="group" aria-label="Material presets">
-        {PRESETS.map((preset) => (
+        {Object.values(MATERIALS).map((preset) => (
           <button
             key={preset.name}
             type="button"
