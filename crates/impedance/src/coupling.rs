@@ -12,7 +12,7 @@ use teleclay_device::{DeviceCommand, Guard};
 
 use crate::grasp::{Grasp, GraspState, Wish};
 use crate::observer::Observer;
-use crate::reading::{Reading, ReadingSetup, Taken};
+use crate::reading::{Played, Reading, ReadingSetup, Taken};
 use crate::scale::Scale;
 use crate::setup::{CouplingSetup, SetupError};
 use crate::vector::{Vector, is_within, minus, norm, plus, times};
@@ -174,19 +174,16 @@ impl Coupling {
             self.grasp.open();
         }
         let is_at_rest = norm(self.force) <= 0.0;
+        let target = played.and_then(|played| self.grasp.target(played.position_m));
         if let Some(played) = played
             && is_at_rest
             && self.grasp.is_holding()
-            && self.grasp.target(played.position_m).is_none()
+            && target.is_none()
         {
-            self.grasp.close(played.position_m, handle.position_m);
-            self.observer
-                .on_scale(&self.grasp.scale().at_handle(&self.setup.device));
-            self.lag = minus(handle.velocity_m_s, self.grasp.moved(played.velocity_m_s));
+            self.take_hold(&played, handle);
         }
-        let target =
-            played.and_then(|played| Some((self.grasp.target(played.position_m)?, played)));
-        let wanted = match target {
+        let held = played.and_then(|played| Some((target?, played)));
+        let wanted = match held {
             Some((target, played)) => {
                 self.target = target;
                 let velocity = plus(self.grasp.moved(played.velocity_m_s), self.lag);
@@ -205,7 +202,7 @@ impl Coupling {
             }
             None => self.faded(),
         };
-        if self.setup.stop_force_n <= norm(wanted) && target.is_some() {
+        if self.setup.stop_force_n <= norm(wanted) && held.is_some() {
             self.grasp.open();
             self.grasp.wish(Wish::Stop);
         }
@@ -235,6 +232,16 @@ impl Coupling {
     /// The energy that it has taken, as far as the samples show.
     pub fn observer(&self) -> &Observer {
         &self.observer
+    }
+
+    /// Without a stretch and without a difference of speeds; the force begins one tick later.
+    fn take_hold(&mut self, device: &Played, handle: &HandlePlace) {
+        self.grasp.close(device.position_m, handle.position_m);
+        let device_at_handle = self.grasp.scale().at_handle(&self.setup.device);
+        self.observer.on_scale(&device_at_handle);
+        let moved = self.grasp.moved(device.velocity_m_s);
+        self.lag = minus(handle.velocity_m_s, moved);
+        self.target = handle.position_m;
     }
 
     fn given(&self) -> CouplingStep {
