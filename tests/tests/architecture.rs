@@ -35,6 +35,7 @@ const USES: [(&str, &[&str]); 25] = [
             "control",
             "device",
             "history",
+            "impedance",
             "journal",
             "link",
             "operator",
