@@ -1,5 +1,7 @@
 //! The virtual coupling: a spring and a damper between the device's place and the loop's handle.
 //!
+//! Source: [CSB95]; for a device that is an impedance at a handle that is an admittance, [AH99].
+//!
 //! ```text
 //! f_h = cap(K (x_d - y_h) + B (v_d - v_h))        on the handle; the device renders -f_h, scaled
 //! ```

@@ -11,12 +11,17 @@
 //! ∫ f (x' - y') dt = K/2 (x - y)²  -  K ∫ (e_x - e_y) (x' - y') dt  +  B ∫ (filtered difference) (x' - y') dt
 //! ```
 //!
-//! Let `X² = ∫ x'² dt` and `Y²` likewise. A value that was read up to `tau` ago and is then held for `T` has
+//! Let `X² = ∫ x'² dt` and `Y²` likewise. A value that is `tau` old when it begins to count and is then held for `T` has
 //!
 //! ```text
-//! |∫ e_x x' dt| <= D_x X²      D = T/2 + tau        half the interval is the mean age of a held value
-//! |∫ e_x y' dt| <= N_x X Y     N = 2 T/pi + tau     the norm of the same integral, where the two motions are not one
+//! |∫ e_x y' dt| <= N_x X Y     N = 2 T/pi + tau     the norm of an integral over T, 2 T/pi, and that of a delay
+//! |∫ e_x x' dt| <= D_x X²      D = T/2 + tau        where tau is a whole number of intervals, and otherwise N
 //! ```
+//!
+//! Half the interval is the mean age of a held value. A delay that is no whole number of intervals is worse than that: a
+//! motion in step with the samples meets a value that is older where it is fast. Half an interval of delay needs 1.06 T
+//! instead of T. [`Playback::Interpolated`](crate::Playback) delays by one interval and strays from the true way by no
+//! more than `T/pi` in the same norm, which is less than what a held value of that delay has: it counts as one.
 //!
 //! and a filtered velocity, whose gain is nowhere above 1, gives `-B (X + Y)²` at worst. The dampings of the device, `b`,
 //! and of the handle, `b_h`, pay `b X² + b_h Y²`. So all is paid for as soon as, with `C = (N_x + N_y) / 2`,
@@ -33,6 +38,9 @@
 //! that a device alone could bear rings between it and a light handle. Only `|B| < b_s` leaves any stiffness at all.
 
 use std::f64::consts::PI;
+
+/// A delay this near to a whole number of intervals, in intervals, is one.
+const WHOLE: f64 = 1e-6;
 
 /// A device as the coupling sees it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -95,8 +103,8 @@ pub fn max_stiffness(
     check(device, handle, coupling_damping_n_s_per_m)?;
     let own = coupling_damping_n_s_per_m.abs();
     let interval_s = device.interval_s();
-    let d_x = interval_s / 2.0 + device.latency_s;
-    let d_y = handle.tick_s / 2.0 + handle.latency_s;
+    let d_x = age_s(interval_s, device.latency_s);
+    let d_y = age_s(handle.tick_s, handle.latency_s);
     let c = (interval_s + handle.tick_s) / PI + (device.latency_s + handle.latency_s) / 2.0;
     let p = device.damping_n_s_per_m - own;
     let q = handle.damping_n_s_per_m - own;
@@ -117,6 +125,16 @@ pub fn max_stiffness(
         }
     };
     Ok(bound.max(0.0))
+}
+
+/// `D`: what a value costs that is `latency_s` old when it begins to count and is held for `interval_s`, s.
+fn age_s(interval_s: f64, latency_s: f64) -> f64 {
+    let intervals = latency_s / interval_s;
+    if (intervals - intervals.round()).abs() < WHOLE {
+        interval_s / 2.0 + latency_s
+    } else {
+        2.0 * interval_s / PI + latency_s
+    }
 }
 
 /// Damping of two dampers in series, N·s/m; either may be infinite.

@@ -73,6 +73,54 @@ fn a_device_at_a_handle_held_fast_may_have_what_colgate_and_schenkel_say() {
     assert!(needed_damping(bound, 0.5, 1e-3, 3) <= 2.0);
 }
 
+/// Greatest `∫ (x - x_held) x' dt / ∫ x'² dt` over motions that repeat with the samples, in intervals: the largest
+/// eigenvalue of the integral's symmetric part, on a grid within the interval.
+fn costliest_motion(delay_intervals: f64) -> f64 {
+    const STEPS: usize = 60;
+    let delay = (delay_intervals * STEPS as f64).round() as usize;
+    let mut kernel = vec![[0.0_f64; STEPS]; STEPS];
+    for at in 0..STEPS {
+        // The value that counts at this step began to count at the last step that is `delay` after a sample.
+        let age = delay + (at + STEPS * 8 - delay) % STEPS;
+        for back in 0..=age {
+            let share = if back == 0 { 0.5 } else { 1.0 };
+            kernel[at][(at + STEPS * 8 - back) % STEPS] += share / STEPS as f64;
+        }
+    }
+    let mut motion = [1.0_f64; STEPS];
+    let mut largest = 0.0;
+    for _ in 0..2000 {
+        let next: [f64; STEPS] = std::array::from_fn(|i| {
+            (0..STEPS)
+                .map(|j| 0.5 * (kernel[i][j] + kernel[j][i]) * motion[j])
+                .sum()
+        });
+        largest = next.iter().map(|part| part * part).sum::<f64>().sqrt();
+        motion = next.map(|part| part / largest);
+    }
+    largest
+}
+
+/// A delay of half an interval needs more than its mean age, and no delay more than it is given.
+#[test]
+fn a_delay_between_the_samples_costs_more_than_its_mean_age() {
+    for delay in [0.0, 0.1, 0.25, 0.5, 0.75, 0.9, 1.0, 1.5, 2.0, 3.4] {
+        let device = DeviceTiming {
+            rate_hz: 1000.0,
+            damping_n_s_per_m: 2.0,
+            latency_s: delay * 1e-3,
+        };
+        let bound = max_stiffness(&device, &handle(1e-3, HELD_FAST), 0.0).unwrap();
+        let (needed, given) = (costliest_motion(delay), 2.0 / bound / 1e-3);
+        println!("{delay} intervals: needs {needed:.3}, is given {given:.3}");
+        assert!(
+            needed <= given * 1.001,
+            "{delay}: needs {needed}, is given {given}"
+        );
+    }
+    assert!(1.05 < costliest_motion(0.5));
+}
+
 /// Two free sides have their dampings in series: the bound lies below each side's own, and a handle that is damped ever
 /// more is one held fast.
 #[test]
