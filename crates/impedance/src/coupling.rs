@@ -6,9 +6,9 @@
 //! f_h = cap(K (x_d - y_h) + B (v_d - v_h))        on the handle; the device renders -f_h, scaled
 //! ```
 //!
-//! The cap shortens the force and keeps its direction. Then it passes the device's own law for force and slew, which does
-//! not bind while both sides keep to their speeds (see [`SetupError::TooFast`]). What holds, and who pays for what a
-//! sampled spring gives away, stands in [`Observer`].
+//! The cap shortens the force and keeps its direction. Then it passes the device's own law for force and slew, which
+//! does not bind while both sides keep to their speeds (see [`SetupError::TooFast`]). What holds, and who pays for
+//! what a sampled spring gives away, stands in [`Observer`].
 
 use teleclay_device::{DeviceCommand, Guard};
 

@@ -1,9 +1,9 @@
 //! Who holds the handle: what is wished, what is in force, and where the grip is.
 //!
-//! The device's place `p` draws the handle to `x_d = scale p + grip`. Taking hold chooses the grip so that the spring is
-//! not stretched. Everything that would change `x_d` at once, or what the device feels of a force, waits until the force
-//! has faded: letting go, the clutch, another scale, another lock. So there is one way from any state to any other, by
-//! way of rest, and no force steps on it.
+//! The device's place `p` draws the handle to `x_d = scale p + grip`. Taking hold chooses the grip so that the spring
+//! is not stretched. Everything that would change `x_d` at once, or what the device feels of a force, waits until the
+//! force has faded: letting go, the clutch, another scale, another lock. So there is one way from any state to any
+//! other, by way of rest, and no force steps on it.
 
 use crate::scale::Scale;
 use crate::vector::{Vector, minus, plus, times};
@@ -11,7 +11,7 @@ use crate::vector::{Vector, minus, plus, times};
 /// Who holds the handle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum GraspState {
-    /// Nobody.
+    /// Nobody holds it.
     Released,
     /// The device; it has not been heard of yet, or not for a while, or the handle stands nowhere. It takes hold by
     /// itself as soon as both are there.

@@ -1,8 +1,8 @@
 //! A handle for every device that cannot be commanded in position: a mouse, a finger on glass, a stick, a device that
 //! only pushes.
 //!
-//! Such a device is an impedance: it is moved, and at most pushes back. The loop's handle is an admittance: it takes the
-//! hand's force and says where it is. Between the two stands a virtual coupling, a spring and a damper:
+//! Such a device is an impedance: it is moved, and at most pushes back. The loop's handle is an admittance: it takes
+//! the hand's force and says where it is. Between the two stands a virtual coupling, a spring and a damper:
 //!
 //! ```text
 //!   device's place ──> Reading ──> Grasp ──x_d──┐
@@ -20,8 +20,8 @@
 //! | [`Reading`], [`Playback`] | the device's place at every tick, from samples that come when they come |
 //! | [`Observer`] | the energy that a coupling has taken, less what it has given |
 //!
-//! SI units throughout. Time is an argument, in nanoseconds of the caller's own clock. Nothing here allocates once it is
-//! made; only additions, multiplications, divisions and roots are used, which every machine rounds alike.
+//! SI units throughout. Time is an argument, in nanoseconds of the caller's own clock. Nothing here allocates once it
+//! is made; only additions, multiplications, divisions and roots are used, which every machine rounds alike.
 
 mod coupling;
 mod grasp;

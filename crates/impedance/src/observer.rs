@@ -20,9 +20,9 @@
 //! ```
 //!
 //! Summed, `E >= V(s) + (b_s - K T/2 - |B|) sum |d|² / T >= V(s)`. Letting go multiplies a force that fades with the
-//! spring held where it was: what can be drawn from `|f|` within the time is `|f|² t / (4 b_s)`, `t` the hold and a third
-//! of the ramp, and no more than the spring stores where `K t / 2 <= b_s`, which [`Coupling::new`](crate::Coupling::new)
-//! asks for. A new grip starts at `s = 0`: it gives nothing.
+//! spring held where it was: what can be drawn from `|f|` within the time is `|f|² t / (4 b_s)`, `t` the hold and a
+//! third of the ramp, and no more than the spring stores where `K t / 2 <= b_s`, which
+//! [`Coupling::new`](crate::Coupling::new) asks for. A new grip starts at `s = 0`: it gives nothing.
 //!
 //! Joules are the handle's; the device's are these times [`Scale::power_ratio`](crate::Scale::power_ratio).
 

@@ -5,15 +5,15 @@
 //!
 //! - [`Playback::Held`]: the newest sample counts until the next one comes. For a device that is sampled about as often
 //!   as the loop steps. No time is lost.
-//! - [`Playback::Interpolated`]: the samples are played one longest interval late, on straight lines between them. There
-//!   always is a next sample then, and nothing is ever extrapolated; where it fails to come, the last one holds. A step
-//!   of the hand every 16 ms becomes a slope. It costs one interval of the slowest rate: 16.7 ms at 60 Hz.
+//! - [`Playback::Interpolated`]: the samples are played one longest interval late, on straight lines between them.
+//!   There always is a next sample then, and nothing is ever extrapolated; where it fails to come, the last one holds.
+//!   A step of the hand every 16 ms becomes a slope. It costs one interval of the slowest rate: 16.7 ms at 60 Hz.
 //!
 //! The place never moves faster than the device may. Whoever seems to has been lifted and put elsewhere, and a leap
 //! moves the grip, not the handle: from a leap on, places are counted from where it ended.
 //!
-//! The velocity is the place's difference, through a filter `v += a (difference - v)` with `a = T / (tau + T)`: gain 1 at
-//! rest, nowhere more.
+//! The velocity is the place's difference, through a filter `v += a (difference - v)` with `a = T / (tau + T)`: gain 1
+//! at rest, nowhere more.
 
 use crate::stiffness::DeviceTiming;
 use crate::vector::{Vector, capped, is_within, minus, norm, plus, times};

@@ -4,8 +4,8 @@ use std::ops::RangeInclusive;
 
 use crate::stiffness::DeviceTiming;
 
-/// Least and greatest handle motion per device motion. Beyond a hundred either way a tremor is a blow, or a hand's whole
-/// reach is less than a voxel.
+/// Least and greatest handle motion per device motion. Beyond a hundred either way a tremor is a blow, or a hand's
+/// whole reach is less than a voxel.
 pub const MOTION_RANGE: RangeInclusive<f64> = 0.01..=100.0;
 
 /// Handle motion per device motion, and device force per handle force.
@@ -39,8 +39,8 @@ impl Scale {
         self.force / self.motion
     }
 
-    /// The device as the handle sees it through the scale: what damps the device with `b` damps the handle's motion with
-    /// `b / (motion · force)`. A device that no force reaches is moved by none.
+    /// The device as the handle sees it through the scale: what damps the device with `b` damps the handle's motion
+    /// with `b / (motion · force)`. A device that no force reaches is moved by none.
     #[must_use]
     pub fn at_handle(&self, device: &DeviceTiming) -> DeviceTiming {
         let gear = self.motion * self.force;

@@ -96,8 +96,8 @@ impl CouplingSetup {
     /// For a device that renders no force and is read at `rate_hz` at the slowest: a mouse, a finger, a stick. The
     /// handle is one of mass 1 kg with `handle_damping_n_s_per_m`, at `tick_s`.
     ///
-    /// The spring is as stiff as lets the hand's place and the handle's part by 13 mm under 2 N, and soft enough for the
-    /// damper, half of what the handle has, to let it settle after one swing.
+    /// The spring is as stiff as lets the hand's place and the handle's part by 13 mm under 2 N, and soft enough for
+    /// the damper, half of what the handle has, to let it settle after one swing.
     pub fn without_feedback(
         rate_hz: f64,
         handle_damping_n_s_per_m: f64,

@@ -11,20 +11,22 @@
 //! ∫ f (x' - y') dt = K/2 (x - y)²  -  K ∫ (e_x - e_y) (x' - y') dt  +  B ∫ (filtered difference) (x' - y') dt
 //! ```
 //!
-//! Let `X² = ∫ x'² dt` and `Y²` likewise. A value that is `tau` old when it begins to count and is then held for `T` has
+//! Let `X² = ∫ x'² dt` and `Y²` likewise. A value that is `tau` old when it begins to count and is then held for `T`
+//! has
 //!
 //! ```text
 //! |∫ e_x y' dt| <= N_x X Y     N = 2 T/pi + tau     the norm of an integral over T, 2 T/pi, and that of a delay
 //! |∫ e_x x' dt| <= D_x X²      D = T/2 + tau        where tau is a whole number of intervals, and otherwise N
 //! ```
 //!
-//! Half the interval is the mean age of a held value. A delay that is no whole number of intervals is worse than that: a
-//! motion in step with the samples meets a value that is older where it is fast. Half an interval of delay needs 1.06 T
-//! instead of T. [`Playback::Interpolated`](crate::Playback) delays by one interval and strays from the true way by no
-//! more than `T/pi` in the same norm, which is less than what a held value of that delay has: it counts as one.
+//! Half the interval is the mean age of a held value. A delay that is no whole number of intervals is worse than that:
+//! a motion in step with the samples meets a value that is older where it is fast. Half an interval of delay needs
+//! 1.06 T instead of T. [`Playback::Interpolated`](crate::Playback) delays by one interval and strays from the true
+//! way by no more than `T/pi` in the same norm, which is less than what a held value of that delay has: it counts as
+//! one.
 //!
-//! and a filtered velocity, whose gain is nowhere above 1, gives `-B (X + Y)²` at worst. The dampings of the device, `b`,
-//! and of the handle, `b_h`, pay `b X² + b_h Y²`. So all is paid for as soon as, with `C = (N_x + N_y) / 2`,
+//! and a filtered velocity, whose gain is nowhere above 1, gives `-B (X + Y)²` at worst. The dampings of the device,
+//! `b`, and of the handle, `b_h`, pay `b X² + b_h Y²`. So all is paid for as soon as, with `C = (N_x + N_y) / 2`,
 //!
 //! ```text
 //! (b - |B| - K D_x) (b_h - |B| - K D_y) >= (|B| + K C)²      and neither bracket below zero
@@ -90,8 +92,8 @@ pub struct TimingError {
 /// `coupling_damping_n_s_per_m`: the `K` at which the condition of this module holds with equality. 0 where the
 /// coupling's damper alone uses up what the two sides have, infinite where neither side is moved by a force.
 ///
-/// All of it in the handle's coordinates: see [`Scale::at_handle`](crate::Scale::at_handle) for a device behind a scale.
-/// Source: [C94], and the derivation of this module for a handle that is free.
+/// All of it in the handle's coordinates: see [`Scale::at_handle`](crate::Scale::at_handle) for a device behind a
+/// scale. Source: [C94], and the derivation of this module for a handle that is free.
 ///
 /// # Errors
 /// A rate or a tick that is not above zero, or a damping or latency below it.

@@ -1,8 +1,9 @@
-//! A coupling gives no more than it got, whatever a hand does: counted here from the true motion of both sides, which the
-//! coupling does not see.
+//! A coupling gives no more than it got, whatever a hand does: counted here from the true motion of both sides, which
+//! the coupling does not see.
 //!
-//! Joules are the handle's: the device's work is its force times its way over the power ratio of the scale. The dampings
-//! of both sides are counted as what they dissipate at least, `b |d|² / T`; a sampled spring without any gives energy.
+//! Joules are the handle's: the device's work is its force times its way over the power ratio of the scale. The
+//! dampings of both sides are counted as what they dissipate at least, `b |d|² / T`; a sampled spring without any
+//! gives energy.
 
 mod rigs;
 

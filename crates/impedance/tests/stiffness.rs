@@ -22,8 +22,8 @@ fn handle(tick_s: f64, damping_n_s_per_m: f64) -> LoopHandle {
     }
 }
 
-/// `T/2 sup Re{(1 - 1/z) H(z) z^-d} / (1 - cos theta)` of [C94] for `H = K + B (1 - 1/z) / T`: the damping that a device
-/// needs. Complex arithmetic by hand, on a grid.
+/// `T/2 sup Re{(1 - 1/z) H(z) z^-d} / (1 - cos theta)` of [C94] for `H = K + B (1 - 1/z) / T`: the damping that a
+/// device needs. Complex arithmetic by hand, on a grid.
 fn needed_damping(k: f64, b: f64, interval_s: f64, delay: u32) -> f64 {
     let times = |a: (f64, f64), b: (f64, f64)| (a.0 * b.0 - a.1 * b.1, a.0 * b.1 + a.1 * b.0);
     let mut most = 0.0_f64;

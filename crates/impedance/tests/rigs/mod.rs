@@ -49,7 +49,8 @@ impl Chance {
     }
 }
 
-/// A mass with viscous damping on three axes. Under a constant force it moves exactly as the differential equation says.
+/// A mass with viscous damping on three axes. Under a constant force it moves exactly as the differential equation
+/// says.
 #[derive(Clone, Copy)]
 pub(crate) struct Body {
     pub(crate) mass_kg: f64,
