@@ -235,46 +235,64 @@ fn no_life_of_a_coupling_gives_more_than_it_got() {
     }
 }
 
-/// What the coupling counts from samples agrees with the truth where each tick has a sample.
+/// What the coupling counts from samples agrees with the truth where each tick has a sample, behind any scale.
 #[test]
 fn what_is_observed_is_what_happens_where_each_tick_has_a_sample() {
-    let setup = CouplingSetup {
-        handle: LoopHandle {
+    for scale in [
+        Scale::default(),
+        Scale {
+            motion: 0.5,
+            force: 0.4,
+        },
+    ] {
+        let handle = LoopHandle {
             latency_s: 0.0,
             ..rendering().handle
-        },
-        ..rendering()
-    };
-    let mut coupling = Coupling::new(setup).unwrap();
-    coupling.hold();
-    let mut body = Body::at_rest(1.0, 10.0);
-    let (mut energy, mut least) = (0.0_f64, 0.0_f64);
-    let mut before = ([0.0; 3], [0.0; 3], [0.0; 3]);
-    for tick in 0..3000_u64 {
-        let now = tick * TICK_NS;
-        let device = [
-            0.03 * (tick as f64 * 0.004).sin(),
-            0.01 * (tick as f64 * 0.03).sin(),
-            0.0,
-        ];
-        coupling.sample(now, now, device);
-        let place = HandlePlace {
-            position_m: body.x,
-            velocity_m_s: body.v,
         };
-        let step = coupling.step(now, &place);
-        if 0 < tick {
-            let (dx, dy) = (minus(device, before.1), minus(body.x, before.2));
-            // 2 N s/m at the device, 10 at the handle, over a millisecond.
-            energy += dot(before.0, dx) - dot(before.0, dy) + 2e3 * dot(dx, dx) + 1e4 * dot(dy, dy);
-            least = least.min(energy);
+        let mut coupling = Coupling::new(CouplingSetup {
+            handle,
+            ..rendering()
+        })
+        .unwrap();
+        coupling.set_scale(scale).unwrap();
+        coupling.hold();
+        let mut body = Body::at_rest(1.0, 10.0);
+        let (mut energy, mut least) = (0.0_f64, 0.0_f64);
+        let mut before = ([0.0; 3], [0.0; 3], [0.0; 3]);
+        for tick in 0..3000_u64 {
+            let now = tick * TICK_NS;
+            let device = [
+                0.03 * (tick as f64 * 0.004).sin(),
+                0.01 * (tick as f64 * 0.03).sin(),
+                0.0,
+            ];
+            coupling.sample(now, now, device);
+            let place = HandlePlace {
+                position_m: body.x,
+                velocity_m_s: body.v,
+            };
+            let step = coupling.step(now, &place);
+            // Of the first tick nothing is seen: where the device was before it is not known.
+            if 0 < tick {
+                let (dx, dy) = (minus(device, before.1), minus(body.x, before.2));
+                let force_on_device = before.0.map(|part| -scale.force * part);
+                // At the device, in its own joules: 2 N s/m over a millisecond; at the handle 10.
+                let device_j = -dot(force_on_device, dx) + 2e3 * dot(dx, dx);
+                energy +=
+                    device_j * scale.motion / scale.force - dot(before.0, dy) + 1e4 * dot(dy, dy);
+                least = least.min(energy);
+            }
+            before = (step.hand_force_n, device, body.x);
+            body.pass(step.hand_force_n, TICK_S);
         }
-        before = (step.hand_force_n, device, body.x);
-        body.pass(step.hand_force_n, TICK_S);
+        let seen = coupling.observer();
+        assert!(
+            (energy - seen.energy_j()).abs() < 1e-12,
+            "{energy} J, counted {} J",
+            seen.energy_j()
+        );
+        assert!((least - seen.least_j()).abs() < 1e-12 && 1e-3 < energy);
     }
-    let seen = coupling.observer();
-    assert!((energy - seen.energy_j()).abs() < 1e-12 && (least - seen.least_j()).abs() < 1e-12);
-    assert!(1e-3 < energy);
 }
 
 /// The count sees what is not passive: a spring far beyond the bound, told that its device is damped.
