@@ -8,11 +8,12 @@ use std::process::Command;
 use serde_json::Value;
 
 /// Which rooms each room uses, tests of it included: exactly these.
-const USES: [(&str, &[&str]); 26] = [
+const USES: [(&str, &[&str]); 27] = [
     ("control", &[]),
     ("kinematics", &[]),
     ("clay", &[]),
     ("device", &[]),
+    ("impedance", &["device"]),
     ("channel", &[]),
     ("journal", &[]),
     ("rules", &[]),
@@ -39,6 +40,7 @@ const USES: [(&str, &[&str]); 26] = [
             "control",
             "device",
             "history",
+            "impedance",
             "journal",
             "link",
             "operator",
