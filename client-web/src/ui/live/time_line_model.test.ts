@@ -63,12 +63,17 @@ describe("the line", () => {
   });
 
   it("is labelled at whole steps of a clock, each with room", () => {
-    expect(ticksOf({ from_s: 0, to_s: 10 }, 640)).toEqual([0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10]);
+    expect(ticksOf({ from_s: 0, to_s: 10 }, 640)).toEqual([1, 2, 3, 4, 5, 6, 7, 8, 9]);
     expect(ticksOf({ from_s: 7, to_s: 130 }, 320)).toEqual([30, 60, 90, 120]);
     for (const to_s of [0.5, 3, 59, 61, 1000, 9999, 1e5, 3e6]) {
       for (const width_px of [50, 300, 1400]) {
         const ticks = ticksOf({ from_s: 0.3, to_s }, width_px);
         expect(ticks.length).toBeLessThanOrEqual(width_px / 64 + 2);
+        // The longest label, `10:00:00`, takes 45 px.
+        for (const time_s of ticks) {
+          const place_px = (width_px * (time_s - 0.3)) / (to_s - 0.3);
+          expect(23 <= place_px && place_px <= width_px - 23, `${time_s} of ${to_s} on ${width_px} px`).toBe(true);
+        }
         for (let n = 1; n < ticks.length; n += 1) {
           expect(((ticks[n] - ticks[n - 1]) / to_s) * width_px).toBeGreaterThanOrEqual(60);
         }

@@ -27,8 +27,9 @@ export interface Lane {
 /** A shorter mark cannot be seen, and a closer pair not told apart, px. */
 const LEAST_PX = 4;
 const GAP_PX = 1.5;
-/** Labels under the line need so much room, px. */
+/** Labels under the line need so much room, and half of one at either end, px. */
 const LABEL_PX = 64;
+const END_PX = 24;
 /** A second and its multiples that a clock knows. */
 const STEPS_S = [1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14_400, 43_200];
 /** Whoever presses an arrow key goes through the line in a hundred steps, none shorter than this, s. */
@@ -69,13 +70,20 @@ function markOf(strokes: readonly Stroke[], span: Span, width_px: number): Mark 
   return { strokes, isUndone: strokes[0].undone, from_s, to_s, left: Math.max(Math.min(left, 1 - width), 0), width };
 }
 
-/** Moments to write under the line: whole multiples of a step that a clock knows, and that leaves room for each. */
+/**
+ * Moments to write under the line: whole multiples of a step that a clock knows, and that leaves room for each; none
+ * that would stick out of the line.
+ */
 export function ticksOf({ from_s, to_s }: Span, width_px: number): number[] {
   const room = Math.max(Math.floor(width_px / LABEL_PX), 1);
   const step_s = STEPS_S.find((each) => (to_s - from_s) / each <= room) ?? 86_400 * Math.ceil((to_s - from_s) / 86_400 / room);
   const ticks: number[] = [];
   for (let time_s = Math.ceil(from_s / step_s) * step_s; time_s <= to_s; time_s += step_s) ticks.push(time_s);
-  return ticks;
+  const end = END_PX / Math.max(width_px, 1);
+  return ticks.filter((time_s) => {
+    const share = shareOf(time_s, { from_s, to_s });
+    return end <= share && share <= 1 - end;
+  });
 }
 
 /** Where a key leads from a moment; at the end of the line it is now again. Nothing for a key that leads nowhere. */
