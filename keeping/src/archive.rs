@@ -13,12 +13,12 @@ use teleclay_journal::{
 use teleclay_session::EventKind;
 
 use crate::blocks;
-use crate::home::{HomeError, at, bytes_in};
+use crate::error::{HomeError, at, bytes_in};
 use crate::keeper::{Keeper, Told};
 use crate::past::{Past, PastError, Until};
 
-/// Records after which the next snapshot is due: so many seconds of one tool that cuts, and less than a tenth of a second
-/// of work at the next start.
+/// Records after which the next snapshot is due: so many seconds of one tool that cuts, and less than a tenth of a
+/// second of work at the next start.
 const RECORDS_A_SNAPSHOT: u64 = 60_000;
 
 /// How much of a session's files is checked before they are looked at.

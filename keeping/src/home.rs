@@ -12,59 +12,22 @@ use std::path::{Path, PathBuf};
 
 use teleclay_clay::Clay;
 use teleclay_history::Recorder;
-use teleclay_journal::{Disk, OpenError, Policy, ReadError, Reader, Writer, start};
+use teleclay_journal::{Disk, OpenError, Policy, Reader, Writer, start};
 use teleclay_link::time::Timestamp;
 use teleclay_proto::SessionId;
 use teleclay_session::{Rules, Session};
 
 use crate::archive::Archive;
 use crate::blocks;
+use crate::error::{HomeError, VERSION, at, bytes_in};
 use crate::keeper::Keeper;
 use crate::past::{Past, PastError, Until};
 
 const SESSIONS: &str = "sessions";
 /// Beside lock and version, a folder of folders: sessions may have any name.
 const OF: &str = "of";
-/// What is written, and the newest that is read.
-const VERSION: u32 = 1;
 /// What stands before the name of a folder that is being removed.
 const GOING: &str = "-";
-
-/// Why sessions cannot be kept, or not gone on with.
-#[derive(Debug, thiserror::Error)]
-pub enum HomeError {
-    /// A file or folder.
-    #[error("{}: {source}", path.display())]
-    File {
-        /// Which.
-        path: PathBuf,
-        /// What the system says.
-        source: io::Error,
-    },
-    /// Another server runs on the folder.
-    #[error("another server keeps its sessions in {}: give this one another --data-dir, or --ephemeral", path.display())]
-    InUse {
-        /// The folder.
-        path: PathBuf,
-    },
-    /// A later program wrote it.
-    #[error("{} was written by a later version of this program ({got}, and this one reads up to {VERSION})", path.display())]
-    Newer {
-        /// The folder.
-        path: PathBuf,
-        /// Its version.
-        got: u32,
-    },
-    /// The journal cannot be written on.
-    #[error(transparent)]
-    Journal(#[from] OpenError),
-    /// The journal cannot be read.
-    #[error(transparent)]
-    Read(#[from] ReadError),
-    /// What it tells makes no session.
-    #[error(transparent)]
-    Past(#[from] PastError),
-}
 
 /// Where the files of a session are, in a data folder.
 #[must_use]
@@ -245,21 +208,6 @@ impl Home {
         }
         Ok(())
     }
-}
-
-pub(crate) fn at(path: &Path) -> impl Fn(io::Error) -> HomeError {
-    let path = path.to_owned();
-    move |source| HomeError::File {
-        path: path.clone(),
-        source,
-    }
-}
-
-/// What the files of a folder take, bytes.
-pub(crate) fn bytes_in(folder: &Path) -> u64 {
-    let files = fs::read_dir(folder).into_iter().flatten();
-    let lengths = files.filter_map(|file| Some(file.ok()?.metadata().ok()?.len()));
-    lengths.sum()
 }
 
 fn check_version(sessions: &Path) -> Result<(), HomeError> {

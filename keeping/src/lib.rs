@@ -7,9 +7,11 @@
 //! | [`archive`] | the same as everybody else sees it: what is durable, how much it takes, snapshots |
 //! | [`past`] | what was, read from what is on disk: a state, strokes, clay at a moment |
 //! | [`rewrite`] | clay without a stroke or with one again, for a session that goes on cutting meanwhile |
+//! | [`error`] | why sessions cannot be kept |
 //! | `blocks` | blocks that no settings describe |
 
 pub mod archive;
+pub mod error;
 pub mod home;
 pub mod keeper;
 pub mod past;
@@ -18,7 +20,8 @@ pub mod rewrite;
 mod blocks;
 
 pub use archive::{Archive, Depth, Storage, look_back};
-pub use home::{Home, HomeError, folder_of};
+pub use error::HomeError;
+pub use home::{Home, folder_of};
 pub use keeper::Keeper;
 pub use past::{Past, PastError, Until};
 pub use rewrite::{Rewrite, RewriteError, Wanted};

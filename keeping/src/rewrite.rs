@@ -7,7 +7,7 @@ use teleclay_history::{ReplayError, Strokes, Whose};
 use teleclay_session::{Exchange, ExchangedClay, Settings};
 
 use crate::archive::Archive;
-use crate::home::HomeError;
+use crate::error::HomeError;
 use crate::past::{For, PastError, Told, Until};
 
 /// What is wanted of a session's strokes.

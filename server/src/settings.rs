@@ -36,7 +36,8 @@ pub struct Arguments {
     /// tcp/127.0.0.1:7547)
     #[arg(long, value_name = "PROTOCOL/ADDRESS:PORT")]
     zenoh_listen: Option<String>,
-    /// A folder for the server's data: sessions, its authority, invites, the audit log (default: a folder of the user's)
+    /// A folder for the server's data: sessions, its authority, invites, the audit log (default: a folder of the
+    /// user's)
     #[arg(long, value_name = "DIR")]
     data_dir: Option<PathBuf>,
     /// A TOML file with the same settings, e.g. `listen = "127.0.0.1:9000"`

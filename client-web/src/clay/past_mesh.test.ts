@@ -50,7 +50,8 @@ describe("a mesh of the past", () => {
     for (const pieces of [1, 3, 16]) {
       const mesh = meshOf(box([64, 32, 32], [0, 0, 0], pieces));
       expect(mesh.coarse).toHaveLength(32 * 16 * 16);
-      // Pieces that fit no cell count for the one that their centre stands in: what one lacks its neighbour has too much.
+      // Pieces that fit no cell count for the one that their centre stands in: what one lacks its neighbour has too
+      // much.
       expect(mesh.coarse.filter((cell) => cell < 180)).toHaveLength(0);
       expect(volumeOf(mesh) / (64 * 32 * 32)).toBeGreaterThan(0.97);
     }

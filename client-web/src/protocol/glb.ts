@@ -1,5 +1,5 @@
-// A surface of clay as the server writes it in binary glTF 2.0: indexed triangles under the transforms of its nodes. The
-// page reads what a surface needs and passes over the rest.
+// A surface of clay as the server writes it in binary glTF 2.0: indexed triangles under the transforms of its nodes.
+// The page reads what a surface needs and passes over the rest.
 
 import * as v from "valibot";
 import { DecodeError } from "./header";

@@ -1,4 +1,5 @@
-// The clay of another moment in the scene: a mesh that comes whole and stays as it is, and looks as the present one does.
+// The clay of another moment in the scene: a mesh that comes whole and stays as it is, and looks as the present one
+// does.
 
 import * as THREE from "three";
 import type { PastMesh } from "../clay/past_mesh";

@@ -49,9 +49,9 @@ enum Kind {
 /// A mesh as clay
 ///
 /// The body of the mesh takes the place of the block, under a new epoch. The mesh must be closed: shells that overlap
-/// are one body, and one that faces inwards is a hollow. The numbers of an STL are millimetres, a 3MF says its unit. The
-/// file has at most 64 MiB. The mesh stays where it is, the block's lower corner being the origin, unless `fit` is true:
-/// then it is scaled alike along all axes until it touches two opposite faces of the block, and centred.
+/// are one body, and one that faces inwards is a hollow. The numbers of an STL are millimetres, a 3MF says its unit.
+/// The file has at most 64 MiB. The mesh stays where it is, the block's lower corner being the origin, unless `fit` is
+/// true: then it is scaled alike along all axes until it touches two opposite faces of the block, and centred.
 #[utoipa::path(
     put, path = "/sessions/{id}/clay", tag = "clay",
     params(

@@ -165,8 +165,8 @@ async fn change(
 
 /// End a session
 ///
-/// Its operators and watchers are told; its clay is gone, and everything that was kept of it. One whose files are damaged
-/// is removed likewise.
+/// Its operators and watchers are told; its clay is gone, and everything that was kept of it. One whose files are
+/// damaged is removed likewise.
 #[utoipa::path(
     delete, path = "/sessions/{id}", tag = "sessions",
     params(("id" = String, Path, description = "The session's name")),

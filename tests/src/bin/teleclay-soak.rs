@@ -8,8 +8,8 @@ use clap::Parser;
 use teleclay_tests::kills;
 use teleclay_tests::soak::run;
 
-/// Runs a server and a handle that cuts, with watchers that read slowly or not at all, and fails when memory grows; or kills
-/// the server again and again.
+/// Runs a server and a handle that cuts, with watchers that read slowly or not at all, and fails when memory grows; or
+/// kills the server again and again.
 #[derive(Debug, Parser)]
 struct Arguments {
     /// How long to watch, after warming up

@@ -1,5 +1,7 @@
 //! The rules that keep the rooms apart. Each is told in ARCHITECTURE.md; here it fails when it is broken.
 
+mod rooms;
+
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -7,90 +9,7 @@ use std::process::Command;
 
 use serde_json::Value;
 
-/// Which rooms each room uses, tests of it included: exactly these.
-const USES: [(&str, &[&str]); 27] = [
-    ("control", &[]),
-    ("kinematics", &[]),
-    ("clay", &[]),
-    ("device", &[]),
-    ("impedance", &["device"]),
-    ("channel", &[]),
-    ("journal", &[]),
-    ("rules", &[]),
-    ("wire", &[]),
-    ("proto", &["wire"]),
-    ("doors", &["channel", "proto"]),
-    ("front", &["doors"]),
-    ("page", &["clay", "control", "kinematics", "wire"]),
-    ("operator", &["control", "device", "kinematics"]),
-    ("link", &["clay", "control", "proto"]),
-    ("bilateral", &["clay", "control", "device", "link", "proto"]),
-    ("session", &["bilateral", "clay", "link", "proto"]),
-    ("mesh", &["clay"]),
-    ("history", &["clay", "link", "proto", "session"]),
-    (
-        "keeping",
-        &["clay", "history", "journal", "link", "proto", "session"],
-    ),
-    (
-        "sim",
-        &[
-            "bilateral",
-            "clay",
-            "control",
-            "device",
-            "history",
-            "impedance",
-            "journal",
-            "link",
-            "operator",
-            "proto",
-            "session",
-        ],
-    ),
-    ("theory", &["control", "kinematics", "proto", "sim"]),
-    ("offline", &["control", "proto", "theory"]),
-    (
-        "latency",
-        &[
-            "clay", "control", "link", "operator", "proto", "session", "sim",
-        ],
-    ),
-    ("shell", &["doors", "link", "proto"]),
-    (
-        "server",
-        &[
-            "bilateral",
-            "channel",
-            "clay",
-            "control",
-            "doors",
-            "front",
-            "history",
-            "keeping",
-            "link",
-            "mesh",
-            "offline",
-            "proto",
-            "session",
-            "shell",
-            "theory",
-        ],
-    ),
-    (
-        "handle",
-        &[
-            "bilateral",
-            "channel",
-            "clay",
-            "device",
-            "link",
-            "operator",
-            "proto",
-            "shell",
-        ],
-    ),
-];
+use rooms::USES;
 
 /// Rooms that may use every other: they are there to look at the whole.
 const SEE_EVERYTHING: [&str; 4] = [
