@@ -8,10 +8,11 @@ use std::process::Command;
 use serde_json::Value;
 
 /// Which rooms each room uses, tests of it included: exactly these.
-const USES: [(&str, &[&str]); 24] = [
+const USES: [(&str, &[&str]); 25] = [
     ("control", &[]),
     ("kinematics", &[]),
     ("clay", &[]),
+    ("mesh", &["clay"]),
     ("device", &[]),
     ("channel", &[]),
     ("journal", &[]),
