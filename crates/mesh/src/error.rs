@@ -5,8 +5,6 @@ use std::fmt;
 
 use thiserror::Error;
 
-use crate::triangles::MOST_COORDINATE_M;
-
 /// What is being read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
@@ -67,14 +65,14 @@ pub enum MeshError {
         block_m: [f64; 3],
     },
     /// A vertex that is nowhere, or farther out than anything that is made.
-    #[error(
-        "vertex {vertex} is at {got_m:?} m, wanted finite numbers of at most {MOST_COORDINATE_M} m"
-    )]
+    #[error("vertex {vertex} is at {got_m:?} m, wanted finite numbers of at most {most_m} m")]
     OutOfRange {
         /// The vertex's number, from 0, in the order of the file.
         vertex: usize,
         /// Where it is said to be, m.
         got_m: [f64; 3],
+        /// How far it may be along an axis, m.
+        most_m: f64,
     },
     /// More of something than is read.
     #[error("{format} has {got} {what}, at most {most} are read")]

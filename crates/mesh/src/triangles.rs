@@ -58,7 +58,11 @@ impl TriangleMesh {
             let got_m = *at_m;
             // A NaN is not in range either.
             if !got_m.iter().all(|at| at.abs() <= MOST_COORDINATE_M) {
-                return Err(MeshError::OutOfRange { vertex, got_m });
+                return Err(MeshError::OutOfRange {
+                    vertex,
+                    got_m,
+                    most_m: MOST_COORDINATE_M,
+                });
             }
             // Two zeros of different signs are the same place.
             *at_m = got_m.map(|at| at + 0.0);

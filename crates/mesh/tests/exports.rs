@@ -1,10 +1,11 @@
-//! What is written, read by others: the archive by hand, XML by `roxmltree`, glTF by `gltf`.
+//! What is written, read by others: the archive by hand, XML by `roxmltree`, glTF as its specification has it, with
+//! `serde_json`.
 
 mod archive;
 mod shapes;
 
-use gltf::mesh::util::ReadIndices;
 use roxmltree::{Document, Node};
+use serde_json::{Value, json};
 use teleclay_clay::{Clay, Mesh, Shape, UNITS_PER_VOXEL};
 use teleclay_mesh::{MeshError, TriangleMesh, glb, read_3mf, threemf};
 
@@ -152,45 +153,137 @@ fn of_clay_that_is_gone_a_package_builds_nothing() {
     assert_eq!(read_3mf(&package), Err(MeshError::Empty));
 }
 
-/// What a binary glTF holds, read and validated by `gltf`.
+/// What a binary glTF holds.
 struct Scene {
     positions: Vec<[f32; 3]>,
     normals: Vec<[f32; 3]>,
     triangles: Vec<[u32; 3]>,
 }
 
+/// The two chunks of a binary glTF, section 4.4 of its specification; the second one may be missing.
+fn chunks(bytes: &[u8]) -> (Value, &[u8]) {
+    let long = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()) as usize;
+    assert_eq!(
+        (&bytes[..4], long(4), long(8)),
+        (&b"glTF"[..], 2, bytes.len())
+    );
+    let json = long(12);
+    assert_eq!((&bytes[16..20], json % 4), (&b"JSON"[..], 0));
+    assert!(
+        matches!(bytes[20 + json - 1], b'}' | b' '),
+        "padded with blanks"
+    );
+    let value = serde_json::from_slice(&bytes[20..20 + json]).unwrap();
+    let rest = &bytes[20 + json..];
+    if rest.is_empty() {
+        return (value, rest);
+    }
+    let binary = long(20 + json);
+    assert_eq!((&rest[4..8], binary % 4), (&b"BIN\0"[..], 0));
+    assert_eq!(8 + binary, rest.len());
+    (value, &rest[8..])
+}
+
+fn number(value: &Value) -> usize {
+    value.as_u64().unwrap() as usize
+}
+
+/// The elements of an accessor, each of four bytes, three at a time.
+fn elements(gltf: &Value, binary: &[u8], accessor: &Value, target: usize) -> Vec<[[u8; 4]; 3]> {
+    let accessor = &gltf["accessors"][number(accessor)];
+    let view = &gltf["bufferViews"][number(&accessor["bufferView"])];
+    assert_eq!(
+        (&view["buffer"], &view["target"]),
+        (&json!(0), &json!(target))
+    );
+    assert_eq!(
+        (&view["byteStride"], &accessor["byteOffset"]),
+        (&Value::Null, &Value::Null)
+    );
+    let (from, length) = (number(&view["byteOffset"]), number(&view["byteLength"]));
+    let width = if accessor["type"] == "VEC3" { 12 } else { 4 };
+    assert_eq!((from % 4, length), (0, width * number(&accessor["count"])));
+    let (words, rest) = binary[from..from + length].as_chunks::<4>();
+    assert!(rest.is_empty() && words.len() % 3 == 0);
+    words.as_chunks::<3>().0.to_vec()
+}
+
 fn scene(bytes: &[u8]) -> Scene {
-    let gltf = gltf::Gltf::from_slice(bytes).unwrap();
-    let blob = gltf.blob.clone().unwrap();
-    let node = gltf.default_scene().unwrap().nodes().next().unwrap();
-    let untouched = node.transform().decomposed();
-    assert_eq!(untouched, ([0.0; 3], [0.0, 0.0, 0.0, 1.0], [1.0; 3]));
-    let primitive = node.mesh().unwrap().primitives().next().unwrap();
-    assert_eq!(primitive.mode(), gltf::mesh::Mode::Triangles);
-    let bound = primitive.bounding_box();
-    let reader = primitive.reader(|_| Some(&blob));
-    let positions: Vec<_> = reader.read_positions().unwrap().collect();
-    let normals: Vec<_> = reader.read_normals().unwrap().collect();
-    let Some(ReadIndices::U32(indices)) = reader.read_indices() else {
-        panic!("wanted indices of 32 bits");
+    const VERTICES: usize = 34962;
+    const INDICES: usize = 34963;
+    let (gltf, binary) = chunks(bytes);
+    assert_eq!(gltf["asset"]["version"], "2.0");
+    assert_eq!(gltf["buffers"], json!([{ "byteLength": binary.len() }]));
+    let root = &gltf["scenes"][number(&gltf["scene"])]["nodes"];
+    assert_eq!(root.as_array().unwrap().len(), 1);
+    let node = &gltf["nodes"][number(&root[0])];
+    for untouched in ["matrix", "rotation", "translation", "scale"] {
+        assert_eq!(node[untouched], Value::Null);
+    }
+    let primitives = gltf["meshes"][number(&node["mesh"])]["primitives"]
+        .as_array()
+        .unwrap();
+    assert_eq!(primitives.len(), 1);
+    // Triangles, 4, is what a primitive is if it does not say.
+    assert!(primitives[0]["mode"].is_null() || primitives[0]["mode"] == 4);
+    let material = &gltf["materials"][number(&primitives[0]["material"])];
+    assert_eq!(
+        material["pbrMetallicRoughness"]["baseColorFactor"]
+            .as_array()
+            .unwrap()
+            .len(),
+        4
+    );
+
+    let attributes = &primitives[0]["attributes"];
+    let vectors = |name: &str| -> Vec<[f32; 3]> {
+        let accessor = &gltf["accessors"][number(&attributes[name])];
+        assert_eq!(
+            (&accessor["componentType"], &accessor["type"]),
+            (&json!(5126), &json!("VEC3"))
+        );
+        let elements = elements(&gltf, binary, &attributes[name], VERTICES);
+        elements
+            .iter()
+            .map(|vector| vector.map(f32::from_le_bytes))
+            .collect()
     };
-    let indices: Vec<u32> = indices.collect();
+    let (positions, normals) = (vectors("POSITION"), vectors("NORMAL"));
+    assert_eq!(positions.len(), normals.len());
+    let indices = &primitives[0]["indices"];
+    let accessor = &gltf["accessors"][number(indices)];
+    assert_eq!(
+        (&accessor["componentType"], &accessor["type"]),
+        (&json!(5125), &json!("SCALAR"))
+    );
+    let triangles = elements(&gltf, binary, indices, INDICES);
+    let triangles: Vec<_> = triangles
+        .iter()
+        .map(|t| t.map(u32::from_le_bytes))
+        .collect();
+    assert!(
+        triangles
+            .iter()
+            .flatten()
+            .all(|&at| (at as usize) < positions.len())
+    );
+
     // The bounds are exactly those of the positions.
+    let bound = &gltf["accessors"][number(&attributes["POSITION"])];
     for axis in 0..3 {
         let along = || positions.iter().map(|at| at[axis]);
-        assert_eq!(
-            along().fold(f32::INFINITY, f32::min).to_bits(),
-            bound.min[axis].to_bits()
-        );
-        assert_eq!(
-            along().fold(f32::NEG_INFINITY, f32::max).to_bits(),
-            bound.max[axis].to_bits()
-        );
+        for (name, want) in [
+            ("min", along().fold(f32::INFINITY, f32::min)),
+            ("max", along().fold(f32::NEG_INFINITY, f32::max)),
+        ] {
+            let got = bound[name][axis].as_f64().unwrap();
+            assert_eq!(got.to_bits(), f64::from(want).to_bits(), "{name} {axis}");
+        }
     }
     Scene {
         positions,
         normals,
-        triangles: indices.as_chunks::<3>().0.to_vec(),
+        triangles,
     }
 }
 
@@ -245,31 +338,43 @@ fn normals_point_away_from_a_ball_of_clay() {
     }
 }
 
+/// Whatever its numbers come to in decimals, the text is padded.
 #[test]
 fn the_chunks_of_a_scene_are_padded_and_add_up() {
-    let bytes = glb::encode(&Mesh::of(&carved()));
-    let long = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()) as usize;
-    assert_eq!(
-        (&bytes[..4], long(4), long(8)),
-        (&b"glTF"[..], 2, bytes.len())
+    let mut remainders = [false; 4];
+    for length in 1..30_u8 {
+        let size_m = [0.001 * f64::from(length), 0.004, 0.004];
+        let clay = Clay::new(&Shape::Block { size_m }, 1e-3).unwrap();
+        let bytes = glb::encode(&Mesh::of(&clay));
+        let (gltf, _) = chunks(&bytes);
+        assert_eq!(gltf["asset"]["generator"], "teleclay");
+        let blanks = bytes[..]
+            .windows(9)
+            .position(|at| at.ends_with(b"BIN\0"))
+            .unwrap();
+        let padded = bytes[..blanks]
+            .iter()
+            .rev()
+            .skip_while(|b| **b != b' ' && **b != b'}');
+        remainders[padded.take_while(|b| **b == b' ').count()] = true;
+    }
+    assert!(
+        1 < remainders.iter().filter(|seen| **seen).count(),
+        "{remainders:?}"
     );
-    let json = long(12);
-    assert_eq!((&bytes[16..20], json % 4), (&b"JSON"[..], 0));
-    assert!(matches!(bytes[20 + json - 1], b'}' | b' '));
-    let binary = long(20 + json);
-    assert_eq!(
-        (&bytes[24 + json..28 + json], binary % 4),
-        (&b"BIN\0"[..], 0)
-    );
-    assert_eq!(28 + json + binary, bytes.len());
 }
 
 #[test]
 fn of_clay_that_is_gone_a_scene_is_empty() {
-    let gltf = gltf::Gltf::from_slice(&glb::encode(&Mesh::default())).unwrap();
-    let nodes: Vec<_> = gltf.default_scene().unwrap().nodes().collect();
-    assert!(nodes.len() == 1 && nodes[0].mesh().is_none());
-    assert!(gltf.blob.is_none());
+    let bytes = glb::encode(&Mesh::default());
+    let (gltf, binary) = chunks(&bytes);
+    assert!(binary.is_empty());
+    let root = &gltf["scenes"][number(&gltf["scene"])]["nodes"];
+    let node = &gltf["nodes"][number(&root[0])];
+    assert!(node.is_object() && node["mesh"].is_null());
+    for list in ["meshes", "buffers", "bufferViews", "accessors"] {
+        assert!(gltf[list].is_null(), "an empty list is not allowed");
+    }
 }
 
 #[test]

@@ -413,6 +413,15 @@ fn an_archive_that_is_broken_is_refused() {
         shouted.is_ok(),
         "names are told apart without regard to case"
     );
+    // The end of an archive counts its parts twice.
+    for count in [2_u8, 4] {
+        let mut other = whole.clone();
+        let end = other.len() - 22;
+        (other[end + 8], other[end + 10]) = (count, count);
+        let error = read_3mf(&other).unwrap_err().to_string();
+        let wanted = format!("3MF package speaks of {count} parts, there are 3");
+        assert_eq!(error, wanted);
+    }
     let nowhere = with(&|parts| {
         parts[1] = Part::stored(RELATIONSHIPS, b"<Relationships/>");
     });
@@ -540,6 +549,7 @@ fn a_short_model_of_many_objects_is_refused_before_they_are_placed() {
     assert!(matches!(
         read(&doubling(&many, 3, 80)),
         Err(MeshError::TooMuch {
+            format: Format::Model,
             what: "triangles",
             ..
         })
@@ -551,6 +561,7 @@ fn a_short_model_of_many_objects_is_refused_before_they_are_placed() {
     assert!(matches!(
         read(&doubling(&many, 3, 80)),
         Err(MeshError::TooMuch {
+            format: Format::Model,
             what: "vertices",
             ..
         })
