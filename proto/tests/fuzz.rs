@@ -25,8 +25,14 @@ const BINARY_INPUTS: u64 = 10_000_000;
 /// Inputs to the text parsers, which are slower.
 const TEXT_INPUTS: u64 = 300_000;
 
-/// Inputs to the parsers of joining; each goes to every parser.
+/// Inputs to the parsers of joining; each goes to every parser. `TELECLAY_JOIN_INPUTS` asks for more.
 const JOIN_INPUTS: u64 = 100_000;
+
+fn join_inputs() -> u64 {
+    let asked = std::env::var("TELECLAY_JOIN_INPUTS").ok();
+    let asked = asked.map(|count| count.parse().expect("a number of inputs"));
+    asked.unwrap_or(JOIN_INPUTS)
+}
 
 /// How often each decoder accepted: a fuzzer whose inputs all fall at the first byte tests only that byte.
 #[derive(Default)]
@@ -103,7 +109,8 @@ fn join_parsers_survive_anything() {
     let seeds = join_seeds();
     let mut accepted = [0_u64; 10];
     let mut input = Vec::new();
-    for _ in 0..JOIN_INPUTS {
+    let inputs = join_inputs();
+    for _ in 0..inputs {
         random.mutate(&seeds, &mut input);
         for (count, is_accepted) in accepted.iter_mut().zip([
             survives::<JoinRequest>(&input),
@@ -132,14 +139,14 @@ fn join_parsers_survive_anything() {
         fresh,
         session,
     ] = accepted;
-    println!("fuzz: {JOIN_INPUTS} inputs to each parser of joining, none panicked; accepted");
+    println!("fuzz: {inputs} inputs to each parser of joining, none panicked; accepted");
     println!(
         "  {join} join requests, {granted} replies, {challenge} challenge requests, {given} replies, {sealed} sealed joins, {answered} replies, {lease} lease requests, {left} and {fresh} replies, {session} new sessions"
     );
     assert!(
         accepted
             .iter()
-            .all(|count| JOIN_INPUTS / 1000 < *count && *count < JOIN_INPUTS / 2),
+            .all(|count| inputs / 1000 < *count && *count < inputs / 2),
         "the inputs hardly reach past a parser's first checks, or hardly trouble it"
     );
 }

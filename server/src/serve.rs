@@ -108,6 +108,7 @@ impl Server {
             node: settings.node.clone(),
             doors: Arc::clone(&doors),
             home: open_home(&settings)?,
+            clay_bytes: settings.clay_bytes,
             slow_endpoint: Some(settings.zenoh_slow.to_string()),
         });
         let config = TickerConfig {

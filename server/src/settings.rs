@@ -49,6 +49,9 @@ pub struct Arguments {
     /// Start without the session `demo`
     #[arg(long)]
     no_demo_session: bool,
+    /// Memory for the clay of all sessions, MiB: a session that wants more than is left is refused (default: 4096)
+    #[arg(long, value_name = "MIB")]
+    clay_memory: Option<u64>,
     /// Name of the realm on Zenoh: of the servers that share sessions (default: local)
     #[arg(long)]
     realm: Option<String>,
@@ -115,6 +118,7 @@ struct Raw {
     data_dir: Option<PathBuf>,
     demo_session: bool,
     ephemeral: bool,
+    clay_memory: u64,
     realm: String,
     node: String,
     token: Option<String>,
@@ -135,6 +139,7 @@ impl Default for Raw {
             data_dir: None,
             demo_session: true,
             ephemeral: false,
+            clay_memory: 4096,
             realm: "local".to_owned(),
             node: "local".to_owned(),
             token: None,
@@ -170,6 +175,8 @@ pub struct Settings {
     pub demo_session: bool,
     /// Whether sessions end with the process.
     pub is_ephemeral: bool,
+    /// Memory for the clay of all sessions, bytes.
+    pub clay_bytes: u64,
     /// Name of the realm on Zenoh.
     pub realm: RealmName,
     /// Name of this server.
@@ -190,12 +197,13 @@ const LEAST_TOKEN: usize = 16;
 const MOST_SPIN_US: u64 = 900;
 
 /// Settings that a variable `TELECLAY_…` may give, beside the token.
-const FROM_ENVIRONMENT: [&str; 14] = [
+const FROM_ENVIRONMENT: [&str; 15] = [
     "listen",
     "zenoh_listen",
     "data_dir",
     "demo_session",
     "ephemeral",
+    "clay_memory",
     "realm",
     "node",
     "allow_origins",
@@ -257,6 +265,9 @@ impl Settings {
         raw.hosts.splice(0..0, arguments.hosts.iter().cloned());
         raw.without_tls |= arguments.without_tls;
         raw.ephemeral |= arguments.ephemeral;
+        if let Some(mib) = arguments.clay_memory {
+            raw.clay_memory = mib;
+        }
         raw.demo_session &= !arguments.no_demo_session;
         raw.allow_origins
             .extend(arguments.allow_origins.iter().cloned());
@@ -318,6 +329,7 @@ impl Settings {
             data_dir: raw.data_dir.map_or_else(default_data_dir, Ok)?,
             demo_session: raw.demo_session,
             is_ephemeral: raw.ephemeral,
+            clay_bytes: raw.clay_memory.saturating_mul(1 << 20),
             realm: RealmName::new(raw.realm).context("realm")?,
             node: NodeName::new(raw.node).context("node")?,
             token: raw.token,

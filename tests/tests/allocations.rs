@@ -113,6 +113,7 @@ fn settings(ports: Ports, data_dir: std::path::PathBuf) -> Settings {
         hosts: Vec::new(),
         demo_session: true,
         is_ephemeral: false,
+        clay_bytes: 4 << 30,
         realm: RealmName::new("local").unwrap(),
         node: NodeName::new("local").unwrap(),
         token: None,

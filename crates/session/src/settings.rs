@@ -137,6 +137,18 @@ impl Settings {
         Ok(block)
     }
 
+    /// How many voxels the block has, clay or air: a byte each, in every copy of it.
+    ///
+    /// # Errors
+    /// The settings describe no block.
+    pub fn voxels(&self) -> Result<u64, SettingsError> {
+        let clay = &self.spec.clay;
+        let no_block = |error: &dyn std::fmt::Display| FieldError::new("/shape", error.to_string());
+        let shape = clay_shape(&clay.shape).map_err(|error| no_block(&error))?;
+        let grid = shape.grid(clay.voxel_size_m).map_err(|error| no_block(&error))?;
+        Ok(grid.voxels().iter().map(|count| u64::from(*count)).product())
+    }
+
     /// What the clay resists with.
     pub fn material(&self) -> Material {
         proven_material(&self.spec.material).expect("settings hold materials that were proven")

@@ -32,6 +32,7 @@ mod problem;
 mod sessions;
 mod stream;
 mod theory;
+mod watchers;
 
 use std::any::Any;
 use std::sync::Arc;
@@ -54,6 +55,7 @@ use self::body::MAX_BODY;
 use self::http_metrics::HttpMetrics;
 use self::problem::{Failure, INTERNAL, METHOD, NO_ANSWER, path_of};
 use self::theory::ComputePool;
+use self::watchers::Watchers;
 use crate::directory::Directory;
 
 pub use self::config::ApiConfig;
@@ -160,6 +162,7 @@ struct Inner {
     metrics: HttpMetrics,
     tries: Tries,
     watcher_places: Arc<Semaphore>,
+    watchers: Watchers,
     model_places: Arc<Semaphore>,
     compute: ComputePool,
     /// The OpenAPI document, as it is sent.
@@ -176,6 +179,7 @@ impl Api {
             metrics: HttpMetrics::default(),
             tries: Tries::default(),
             watcher_places: Arc::new(Semaphore::new(MAX_WATCHERS)),
+            watchers: Watchers::default(),
             model_places: Arc::new(Semaphore::new(MAX_MODELS)),
             compute: ComputePool::default(),
             document: document.into(),
@@ -197,6 +201,10 @@ impl Api {
     /// Wrong tokens that were shown.
     pub(crate) fn tries(&self) -> &Tries {
         &self.0.tries
+    }
+
+    pub(crate) fn watchers(&self) -> &Watchers {
+        &self.0.watchers
     }
 
     pub(crate) fn watcher_places(&self) -> &Arc<Semaphore> {

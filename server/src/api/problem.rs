@@ -71,6 +71,8 @@ kinds! {
         "No stroke of the present block can be undone or redone as asked.";
     NOT_KEPT = CONFLICT "not-kept", "that is no longer kept",
         "A session's history is kept up to a bound on disk, and not at all by a server that was started with --ephemeral.";
+    CLAY_MEMORY = CONFLICT "clay-memory", "there is no memory for so much clay",
+        "The clay of all sessions has a bound, --clay-memory; the detail says what is free. Take larger voxels, or delete a session.";
     TOO_LARGE = PAYLOAD_TOO_LARGE "too-large", "the body is too large",
         "No body of this interface needs 64 KiB, and no message to a stream 16 KiB; one that is longer ends the stream with code 1009.";
     MEDIA_TYPE = UNSUPPORTED_MEDIA_TYPE "media-type", "the body is of another media type",
@@ -112,7 +114,7 @@ kinds! {
     NO_ANSWER = SERVICE_UNAVAILABLE "no-answer", "the answer did not come in time",
         "The server is overloaded, or the loop has stopped. Whether the change was made is not known.";
     TOO_MANY_WATCHERS = SERVICE_UNAVAILABLE "too-many-watchers", "there are as many watchers as there may be",
-        "Close a stream first.";
+        "Close a stream first. An address other than the server's own may have 16 at once.";
     BUSY = SERVICE_UNAVAILABLE "busy", "too many large answers or calculations are under way",
         "Try again when another has ended.";
 }

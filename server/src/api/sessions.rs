@@ -14,7 +14,7 @@ use utoipa_axum::routes;
 use super::body::{Checked, Found, Named, no_such_session};
 use super::openapi::refusals;
 use super::problem::{
-    FIELD, Failure, MEDIA_TYPE, NO_ANSWER, NO_SUCH_SESSION, PATH, SESSION_DAMAGED, SESSION_EXISTS,
+    CLAY_MEMORY, FIELD, Failure, MEDIA_TYPE, NO_ANSWER, NO_SUCH_SESSION, PATH, SESSION_DAMAGED, SESSION_EXISTS,
     SLOW_BODY, SYNTAX, TOO_LARGE, TOO_MANY_SESSIONS, UNAVAILABLE,
 };
 use super::{Api, see_through};
@@ -34,6 +34,7 @@ pub(crate) fn routes() -> OpenApiRouter<Api> {
 pub(crate) fn change_failure(error: ChangeError, id: &SessionId) -> Failure {
     match error {
         ChangeError::Field(error) => error.into(),
+        ChangeError::NoMemory(error) => CLAY_MEMORY.because(error.to_string()),
         ChangeError::Gone => no_such_session(id),
         ChangeError::Refused(refusal) => NO_ANSWER.because(format!("session {id}: {refusal}")),
         ChangeError::Timeout => {
@@ -43,11 +44,11 @@ pub(crate) fn change_failure(error: ChangeError, id: &SessionId) -> Failure {
 }
 
 refusals!(ListRefusals:);
-refusals!(CreateRefusals: SYNTAX, SLOW_BODY, SESSION_EXISTS, TOO_MANY_SESSIONS, TOO_LARGE, MEDIA_TYPE, FIELD, UNAVAILABLE);
-refusals!(DuplicateRefusals: SYNTAX, PATH, NO_SUCH_SESSION, SLOW_BODY, SESSION_DAMAGED, SESSION_EXISTS, TOO_MANY_SESSIONS, TOO_LARGE, MEDIA_TYPE, FIELD, UNAVAILABLE);
+refusals!(CreateRefusals: SYNTAX, SLOW_BODY, SESSION_EXISTS, TOO_MANY_SESSIONS, CLAY_MEMORY, TOO_LARGE, MEDIA_TYPE, FIELD, UNAVAILABLE);
+refusals!(DuplicateRefusals: SYNTAX, PATH, NO_SUCH_SESSION, SLOW_BODY, SESSION_DAMAGED, SESSION_EXISTS, TOO_MANY_SESSIONS, CLAY_MEMORY, TOO_LARGE, MEDIA_TYPE, FIELD, UNAVAILABLE);
 refusals!(FindRefusals: PATH, NO_SUCH_SESSION, SESSION_DAMAGED);
 refusals!(DeleteRefusals: PATH, NO_SUCH_SESSION);
-refusals!(ChangeRefusals: SYNTAX, PATH, NO_SUCH_SESSION, SLOW_BODY, SESSION_DAMAGED, TOO_LARGE, MEDIA_TYPE, FIELD, NO_ANSWER);
+refusals!(ChangeRefusals: SYNTAX, PATH, NO_SUCH_SESSION, SLOW_BODY, SESSION_DAMAGED, CLAY_MEMORY, TOO_LARGE, MEDIA_TYPE, FIELD, NO_ANSWER);
 
 /// All sessions; to a guest, the one that they were invited to
 ///
@@ -105,6 +106,7 @@ fn create_failure(error: CreateError) -> Failure {
             TOO_MANY_SESSIONS.because(format!("at most {most} run at once"))
         }
         CreateError::Field(error) => error.into(),
+        CreateError::NoMemory(error) => CLAY_MEMORY.because(error.to_string()),
         CreateError::Unavailable { reason } => UNAVAILABLE.because(reason),
     }
 }

@@ -64,6 +64,10 @@ impl Live {
         reset: ClayReset,
         lease: Option<u32>,
     ) -> Result<Session, ChangeError> {
+        let inner = self.directory.upgrade().ok_or(ChangeError::Gone)?;
+        let fresh = self.settings().with_fresh_block(&reset);
+        let voxels = fresh.and_then(|settings| settings.voxels());
+        inner.check_memory(voxels.map_err(ChangeError::Field)?, Some(self.id()))?;
         self.change(Command::Reset { reset, lease }).await
     }
 
@@ -251,6 +255,12 @@ impl Live {
         inner.orders.command(number, prepared, mirror).await
     }
 
+    /// How many voxels its block has, clay or air.
+    pub(super) fn voxels(&self) -> u64 {
+        let counts = self.clay().with(|clay, _| clay.grid().voxels());
+        counts.iter().map(|count| u64::from(*count)).product()
+    }
+
     /// What the session was told to be.
     pub(super) fn settings(&self) -> Settings {
         Settings::clone(&self.shared.snapshot().settings)
@@ -268,7 +278,7 @@ impl Live {
                 RefusalCode::NoSuchSession,
                 format!("there is no session `{id}` on this server any more"),
             ),
-            ChangeError::Refused(_) | ChangeError::Timeout => {
+            ChangeError::Refused(_) | ChangeError::NoMemory(_) | ChangeError::Timeout => {
                 (RefusalCode::Busy, error.to_string())
             }
         }

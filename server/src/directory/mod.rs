@@ -42,6 +42,8 @@ pub use orders::ChangeError;
 
 use orders::Orders;
 
+/// Memory that a voxel of a session takes: in the loop's clay, and in the watchers' copy of it.
+const BYTES_A_VOXEL: u64 = 2;
 /// The loop is called running when it ticked within this time.
 const LOOP_ALIVE: Duration = Duration::from_secs(1);
 
@@ -60,6 +62,9 @@ pub enum CreateError {
         /// The limit.
         most: usize,
     },
+    /// Its clay does not fit beside that of the others.
+    #[error(transparent)]
+    NoMemory(NoMemory),
     /// A field cannot be.
     #[error("{}: {}", .0.pointer, .0.detail)]
     Field(FieldError),
@@ -69,6 +74,21 @@ pub enum CreateError {
         /// The reason, in words.
         reason: String,
     },
+}
+
+/// There is no memory for so much clay.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "the block takes {} MiB, {} of the {} MiB for all sessions are free",
+    wanted_bytes.div_ceil(1 << 20), free_bytes >> 20, most_bytes >> 20
+)]
+pub struct NoMemory {
+    /// What the block takes, bytes.
+    pub wanted_bytes: u64,
+    /// What is left, bytes.
+    pub free_bytes: u64,
+    /// What there is for all sessions, bytes.
+    pub most_bytes: u64,
 }
 
 /// There is no session of this name.
@@ -96,6 +116,7 @@ struct Inner {
     node: NodeName,
     doors: Arc<Doors>,
     home: Option<Arc<Home>>,
+    clay_bytes: u64,
     slow_endpoint: Option<String>,
 }
 
@@ -113,6 +134,8 @@ pub(crate) struct Parts {
     pub(crate) doors: Arc<Doors>,
     /// Where sessions are kept, if they are.
     pub(crate) home: Option<Arc<Home>>,
+    /// Memory for the clay of all sessions.
+    pub(crate) clay_bytes: u64,
     pub(crate) slow_endpoint: Option<String>,
 }
 
@@ -135,6 +158,7 @@ impl Directory {
             node: parts.node,
             doors: parts.doors,
             home: parts.home,
+            clay_bytes: parts.clay_bytes,
             slow_endpoint: parts.slow_endpoint,
         }))
     }
@@ -196,6 +220,7 @@ impl Directory {
     pub async fn create(&self, new: NewSession) -> Result<SessionJson, CreateError> {
         self.0.find_room(&new.id)?;
         let settings = Settings::new(new).map_err(CreateError::Field)?;
+        self.0.find_memory(&settings)?;
         let (home, first_lease) = (self.0.home.clone(), self.0.first_lease);
         // A large block takes seconds.
         let built = tokio::task::spawn_blocking(move || begin(settings, None, home, first_lease));
@@ -211,6 +236,7 @@ impl Directory {
         let mut settings = of.settings();
         settings.spec.id = id;
         settings.revision = 0;
+        self.0.find_memory(&settings)?;
         let (home, first_lease) = (self.0.home.clone(), self.0.first_lease);
         let clay = of.clay();
         let built = tokio::task::spawn_blocking(move || {
@@ -522,6 +548,38 @@ impl Inner {
 
     fn find_room(&self, id: &SessionId) -> Result<(), CreateError> {
         find_room(&self.entries(), id)
+    }
+
+    fn find_memory(&self, settings: &Settings) -> Result<(), CreateError> {
+        let voxels = settings
+            .voxels()
+            .map_err(|error| CreateError::Field(error.under("/clay")))?;
+        self.check_memory(voxels, None).map_err(CreateError::NoMemory)
+    }
+
+    /// Whether a block of so many voxels fits beside the clay of all sessions, or in the place of one's. Two calls at
+    /// once may both find room for one.
+    pub(crate) fn check_memory(
+        &self,
+        voxels: u64,
+        in_place_of: Option<&SessionId>,
+    ) -> Result<(), NoMemory> {
+        let lives: Vec<Live> = {
+            let entries = self.entries();
+            let others = entries.iter().filter(|(id, _)| Some(*id) != in_place_of);
+            others.map(|(_, entry)| entry.live.clone()).collect()
+        };
+        let used_bytes: u64 = lives.iter().map(|live| BYTES_A_VOXEL * live.voxels()).sum();
+        let wanted_bytes = BYTES_A_VOXEL.saturating_mul(voxels);
+        let free_bytes = self.clay_bytes.saturating_sub(used_bytes);
+        if free_bytes < wanted_bytes {
+            return Err(NoMemory {
+                wanted_bytes,
+                free_bytes,
+                most_bytes: self.clay_bytes,
+            });
+        }
+        Ok(())
     }
 
     fn scheduler(&self) -> &str {

@@ -10,6 +10,7 @@ use teleclay_shell::realtime::Claim;
 use tokio::sync::oneshot;
 use tokio::time::timeout;
 
+use super::NoMemory;
 use crate::engine::Mirror;
 use crate::engine::{Answer, Order, TICK, Task};
 
@@ -22,6 +23,9 @@ pub enum ChangeError {
     /// A field cannot be.
     #[error("{}: {}", .0.pointer, .0.detail)]
     Field(FieldError),
+    /// There is no memory for so much clay.
+    #[error(transparent)]
+    NoMemory(#[from] NoMemory),
     /// The session refuses, as things stand.
     #[error(transparent)]
     Refused(Refusal),

@@ -1,5 +1,6 @@
 //! As many as there may be, and not one more.
 
+use serde_json::json;
 use teleclay_proto::http::Session;
 
 use crate::rig::{Rig, small};
@@ -60,4 +61,35 @@ fn watchers_are_limited_and_one_that_leaves_makes_room() {
     });
     streams.push(Stream::open(&site, &session));
     site.delete(&format!("/api/v1/sessions/{session}"));
+}
+
+/// Clay has a bound of memory of its own: the last session that fits is made, the next is refused with the figures, and
+/// a fresh block that is too large, too; smaller ones go on.
+#[test]
+fn clay_is_limited_and_a_refusal_says_what_is_free() {
+    // 32 bricks of 4096 voxels, twice: a quarter of a MiB.
+    let rig = Rig::start_with(|settings| settings.clay_bytes = 1 << 20);
+    let site = rig.site();
+    for number in 0..4 {
+        let made = site.post("/api/v1/sessions", &small(&format!("s{number}")));
+        assert_eq!(made.status, 201, "{made:?}");
+    }
+    let refusal = site.post("/api/v1/sessions", &small("s4"));
+    assert_eq!((refusal.status, &*refusal.word()), (409, "clay-memory"));
+    let detail = refusal.problem().detail;
+    assert_eq!(
+        detail,
+        "the block takes 1 MiB, 0 of the 1 MiB for all sessions are free"
+    );
+    let path = "/api/v1/sessions/s0/clay/reset";
+    let block = |size_m: f64| json!({ "shape": { "kind": "block", "size_m": [size_m, size_m, 0.032] } });
+    let refusal = site.post(path, &block(0.128));
+    assert_eq!((refusal.status, &*refusal.word()), (409, "clay-memory"));
+    // In the place of its own clay there is room for as much, and a smaller one makes some.
+    assert_eq!(site.post(path, &block(0.064)).status, 200);
+    assert_eq!(site.post(path, &block(0.032)).status, 200);
+    let twin = site.post("/api/v1/sessions/s0/duplicate", &json!({ "id": "twin" }));
+    assert_eq!(twin.status, 201, "{twin:?}");
+    let refusal = site.post("/api/v1/sessions/s1/duplicate", &json!({ "id": "more" }));
+    assert_eq!((refusal.status, &*refusal.word()), (409, "clay-memory"));
 }

@@ -41,6 +41,11 @@ pub(crate) fn shared() -> &'static Rig {
 impl Rig {
     /// A server of one's own.
     pub(crate) fn start() -> Self {
+        Self::start_with(|_| ())
+    }
+
+    /// A server of one's own, with other settings.
+    pub(crate) fn start_with(change: impl FnOnce(&mut Settings)) -> Self {
         static STARTED: AtomicU32 = AtomicU32::new(0);
         let number = STARTED.fetch_add(1, Ordering::Relaxed);
         let folder = format!("data-{}-{number}", std::process::id());
@@ -49,7 +54,7 @@ impl Rig {
             .enable_all()
             .build()
             .unwrap();
-        let settings = Settings {
+        let mut settings = Settings {
             realm: RealmName::new("local").unwrap(),
             listen: loopback(),
             zenoh_control: "tcp/127.0.0.1:0".parse().unwrap(),
@@ -60,12 +65,14 @@ impl Rig {
             data_dir: PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(folder),
             demo_session: false,
             is_ephemeral: true,
+            clay_bytes: 4 << 30,
             node: NodeName::new("api-tests").unwrap(),
             token: None,
             allow_origins: Vec::new(),
             scheduling: Scheduling::Normal,
             spin: Duration::ZERO,
         };
+        change(&mut settings);
         let server = runtime.block_on(Server::start(settings)).unwrap();
         Self { runtime, server }
     }

@@ -25,6 +25,7 @@ use axum::extract::WebSocketUpgrade;
 use axum::extract::ws::rejection::WebSocketUpgradeRejection;
 use axum::http::{HeaderMap, HeaderValue, header};
 use axum::response::Response;
+use teleclay_front::Peer;
 use teleclay_proto::SUBPROTOCOL;
 use teleclay_proto::watch::MAX_MESSAGE;
 use utoipa_axum::router::OpenApiRouter;
@@ -39,6 +40,7 @@ use super::problem::{
     Failure, HANDSHAKE, NO_SUCH_SESSION, PATH, SESSION_DAMAGED, SUBPROTOCOL as NO_SUBPROTOCOL,
     TOO_MANY_WATCHERS, UPGRADE,
 };
+use super::watchers::MAX_WATCHERS_OF_ONE;
 use super::{Api, MAX_WATCHERS};
 use crate::doors::Pass;
 
@@ -82,6 +84,7 @@ async fn watch(
     State(api): State<Api>,
     Found { id, live }: Found,
     Extension(pass): Extension<Pass>,
+    peer: Option<Extension<Peer>>,
     headers: HeaderMap,
     upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
 ) -> Result<Response, Failure> {
@@ -96,6 +99,12 @@ async fn watch(
         .map_err(|_| {
             TOO_MANY_WATCHERS.because(format!("at most {MAX_WATCHERS} streams are open at once"))
         })?;
+    let from = api.watchers().enter(peer.map(|Extension(Peer(address))| address));
+    let from = from.ok_or_else(|| {
+        TOO_MANY_WATCHERS.because(format!(
+            "at most {MAX_WATCHERS_OF_ONE} streams are open from one address at once"
+        ))
+    })?;
     let watching = Watching::begin(api.clone(), id.clone());
     Ok(upgrade
         .protocols([SUBPROTOCOL])
@@ -110,7 +119,7 @@ async fn watch(
                 .await;
             tracing::debug!(session = %id, reason = end.word(), "stream ended");
             api.metrics().count_ended(end.word());
-            drop((watching, place));
+            drop((watching, place, from));
         }))
 }
 
