@@ -2,6 +2,8 @@
 
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestRunner};
+use teleclay_clay::{BrickView, Clay};
+use teleclay_proto::frame::{POSITION_UNIT_M, SweepRecord, Sweeps};
 use teleclay_proto::http::Validate;
 
 use super::*;
@@ -9,6 +11,8 @@ use crate::refresh::lower;
 
 const CASES: u32 = 2000;
 const TICKS: usize = 1000;
+/// A server presses if the hand feels more than this, N.
+const PRESSES_N: f64 = 10.0;
 
 /// Often what a loop could mean, and often the end of what may be said.
 fn number(least: f64, most: f64) -> impl Strategy<Value = f64> {
@@ -86,6 +90,18 @@ struct Case {
     keeps_its_scheme: bool,
     frames: Vec<Words>,
     push_n: [f64; 3],
+    lie: Option<Lie>,
+}
+
+/// What is said of the clay: another block every so many ticks, by turns full and empty, and cuts of other tools around
+/// the hand's.
+#[derive(Clone, Copy, Debug)]
+struct Lie {
+    every: usize,
+    /// Whether the blocks are said to be the same one, exchanged: then the copy of the one before is felt until the next
+    /// one is there.
+    are_exchanged: bool,
+    viscosity_pa_s_per_m: f64,
 }
 
 fn cases() -> impl Strategy<Value = Case> {
@@ -100,8 +116,69 @@ fn cases() -> impl Strategy<Value = Case> {
             keeps_its_scheme,
             frames,
             push_n,
+            lie: None,
         },
     )
+}
+
+/// The same, by servers that lie about the clay of which the hand holds a copy.
+fn lying_cases() -> impl Strategy<Value = Case> {
+    let lie = (1..200_usize, any::<bool>(), number(1e3, 1e6));
+    (cases(), lie).prop_map(|(case, (every, are_exchanged, viscosity_pa_s_per_m))| {
+        let mut parameters = LoopParameters {
+            scheme: Scheme::Replica,
+            // In the middle of the blocks that are sent.
+            home_m: [0.016, 0.008, 0.008],
+            ..case.parameters
+        };
+        parameters.material.viscosity_pa_s_per_m = viscosity_pa_s_per_m;
+        Case {
+            parameters,
+            keeps_its_scheme: true,
+            lie: Some(Lie {
+                every,
+                are_exchanged,
+                viscosity_pa_s_per_m,
+            }),
+            ..case
+        }
+    })
+}
+
+/// A block of this epoch, full or empty.
+fn block(epoch: u32, is_full: bool) -> Snapshot {
+    let full = replaced::snapshot(epoch);
+    if is_full {
+        return full;
+    }
+    let (grid, units) = (*full.clay.grid(), full.clay.initial_units());
+    let empty = Clay::from_bricks(grid, units, |_| BrickView::Empty);
+    Snapshot {
+        clay: Box::new(empty.unwrap()),
+        epoch,
+    }
+}
+
+/// Cuts of other tools, across the place of the hand's.
+fn cuts(tick: u32, sizes: [f64; 6]) -> Sweeps {
+    let mut sweeps = Sweeps::new(tick);
+    let place = |at: usize| -> [i32; 3] {
+        std::array::from_fn(|axis| {
+            let offset_m = sizes[(at + axis) % 6].clamp(-20.0, 20.0) * 1e-3;
+            ((0.008 + offset_m) / POSITION_UNIT_M) as i32
+        })
+    };
+    for sequence in tick..tick + 3 {
+        let at = sequence as usize;
+        let sweep = SweepRecord {
+            sequence,
+            from: place(at),
+            to: place(at + 1),
+        };
+        // What finds no room is not said.
+        let _ = sweeps.push(sweep);
+    }
+    sweeps
 }
 
 fn harm(case: &Case) -> (usize, f64) {
@@ -136,6 +213,7 @@ fn harm(case: &Case) -> (usize, f64) {
     let engine = Engine::new(now, TICK_S, Box::new(probe), profile, attachment);
     let (mut realtime, mut ends) = Realtime::new(engine, Clock::start(), CAPACITIES);
     let mut sequence = 0_u32;
+    let mut epoch = 0_u32;
     for tick in 0..TICKS {
         let (ahead, scheme, status, sizes) = case.frames[tick % case.frames.len()];
         sequence = sequence.wrapping_add(ahead);
@@ -159,6 +237,20 @@ fn harm(case: &Case) -> (usize, f64) {
         } else {
             scheme
         };
+        if let Some(lie) = &case.lie {
+            if tick % lie.every == 0 {
+                epoch += 1;
+                let snapshot = block(epoch, (tick / lie.every).is_multiple_of(2));
+                // A full ring is a block less.
+                let _ = ends.orders.push(Order::LoadSnapshot { lease: 1, snapshot });
+            }
+            frame.header.clay_epoch = epoch;
+            frame.epochs_kept = u8::from(lie.are_exchanged);
+            frame.clay_hash = sizes[0].to_bits();
+            frame.sweeps_acknowledged = sizes[1] as u32;
+            frame.sweeps_durable = sizes[2] as u32;
+            frame.relayed = cuts(tick as u32 + 1, sizes);
+        }
         // A full ring is a frame less.
         let _ = arriving.push(Arrived { at: now, frame });
         let _ = realtime.tick_at(now, IN_TIME);
@@ -200,25 +292,34 @@ fn harm(case: &Case) -> (usize, f64) {
 
 #[test]
 fn no_server_makes_the_hand_meet_more_than_the_devices_own_profile() {
+    let (ticks, pressed) = run(CASES, &cases());
+    // Nothing is shown by servers that do nothing.
+    assert!(50 < pressed, "only {pressed} servers pressed at all");
+    assert!(1_000_000 < ticks, "only {ticks} commands");
+}
+
+#[test]
+fn no_server_that_lies_about_the_clay_makes_the_hand_meet_more_either() {
+    let (ticks, pressed) = run(CASES / 4, &lying_cases());
+    assert!(50 < pressed, "only {pressed} servers pressed at all");
+    assert!(300_000 < ticks, "only {ticks} commands");
+}
+
+/// Ticks in which the device was told something, and servers that pressed.
+fn run(count: u32, cases: &impl Strategy<Value = Case>) -> (usize, u32) {
     let mut runner = TestRunner::new(Config {
-        cases: CASES,
+        cases: count,
         failure_persistence: None,
         ..Config::default()
     });
     let ticks = std::cell::Cell::new(0);
     let pressed = std::cell::Cell::new(0);
-    let outcome = runner.run(&cases(), |case| {
+    let outcome = runner.run(cases, |case| {
         let (told, greatest_n) = harm(&case);
         ticks.set(ticks.get() + told);
-        pressed.set(pressed.get() + u32::from(10.0 < greatest_n));
+        pressed.set(pressed.get() + u32::from(PRESSES_N < greatest_n));
         Ok(())
     });
     outcome.unwrap();
-    // Nothing is shown by servers that do nothing.
-    assert!(
-        50 < pressed.get(),
-        "only {} servers pressed at all",
-        pressed.get()
-    );
-    assert!(1_000_000 < ticks.get(), "only {} commands", ticks.get());
+    (ticks.get(), pressed.get())
 }
