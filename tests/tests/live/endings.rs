@@ -2,6 +2,8 @@
 
 use std::time::{Duration, Instant};
 
+use serde_json::json;
+use teleclay_proto::Scheme;
 use teleclay_proto::http::Session;
 use teleclay_tests::client::since;
 use teleclay_tests::process::PATIENCE;
@@ -120,6 +122,40 @@ fn a_server_that_is_killed_releases_the_hand_within_a_fifth_of_a_second_and_is_f
             .any(|tick| tick.lease == last && 0.05 < tick.felt_n()),
         "the hand feels the clay of the new server"
     );
+}
+
+#[test]
+fn a_server_that_is_killed_under_a_pressing_hand_lets_it_go_under_every_scheme() {
+    for scheme in Scheme::ALL {
+        let server = Server::on_free_ports().unwrap();
+        let mut handle = Handle::start(&HandleOptions::new(&server.endpoint())).unwrap();
+        let client = &server.client;
+        client.patch(DEMO, &json!({ "scheme": scheme })).unwrap();
+        client
+            .session_when(DEMO, "a force on the hand", PATIENCE, feels)
+            .unwrap();
+        drop(server.kill().unwrap());
+        let ticks = |status: &serde_json::Value| status["ticks"].as_u64().unwrap_or_default();
+        let alone = handle.status().map_or(0, |status| ticks(&status));
+        handle
+            .status_when("two seconds alone", PATIENCE, |status| {
+                alone + 2000 < ticks(status)
+            })
+            .unwrap();
+        assert!(handle.process.end().unwrap().success());
+        let rows = handle.ticks().unwrap();
+        assert_released(&rows);
+        let step_n = greatest_force_step_n(&rows);
+        assert!(step_n <= FORCE_STEP_N, "{scheme}: {step_n} N in a tick");
+        // From the last frame on: how much was felt then, and how long something was.
+        let last = rows.iter().rposition(|row| row.silence_s < 2e-3).unwrap();
+        let felt = rows[last..].iter().rposition(|row| 0.0 < row.felt_n());
+        println!(
+            "{scheme}: {:.2} N when the last frame came, nothing {} ms later",
+            rows[last].felt_n(),
+            felt.map_or(0, |ticks| ticks + 1)
+        );
+    }
 }
 
 /// After the hand has felt the clay, a tick that comes a fifth of a second after the last frame, or later, gives no

@@ -101,7 +101,6 @@ struct Lie {
     /// Whether the blocks are said to be the same one, exchanged: then the copy of the one before is felt until the next
     /// one is there.
     are_exchanged: bool,
-    viscosity_pa_s_per_m: f64,
 }
 
 fn cases() -> impl Strategy<Value = Case> {
@@ -138,7 +137,6 @@ fn lying_cases() -> impl Strategy<Value = Case> {
             lie: Some(Lie {
                 every,
                 are_exchanged,
-                viscosity_pa_s_per_m,
             }),
             ..case
         }
