@@ -126,7 +126,7 @@ fn a_server_that_is_killed_releases_the_hand_within_a_fifth_of_a_second_and_is_f
 
 #[test]
 fn a_server_that_is_killed_under_a_pressing_hand_lets_it_go_under_every_scheme() {
-    for scheme in Scheme::ALL {
+    for &scheme in Scheme::ALL {
         let server = Server::on_free_ports().unwrap();
         let mut handle = Handle::start(&HandleOptions::new(&server.endpoint())).unwrap();
         let client = &server.client;
