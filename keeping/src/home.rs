@@ -26,8 +26,8 @@ use crate::past::{Past, PastError, Until};
 const SESSIONS: &str = "sessions";
 /// Beside lock and version, a folder of folders: sessions may have any name.
 const OF: &str = "of";
-/// What stands before the name of a folder that is being removed.
-const GOING: &str = "-";
+/// What stands before the name of a folder that is being removed. No name of a session has it.
+const GOING: &str = "~";
 
 /// Where the files of a session are, in a data folder.
 #[must_use]

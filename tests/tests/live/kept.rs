@@ -404,6 +404,31 @@ fn a_duplicate_has_the_clay_and_a_history_of_its_own() {
 }
 
 #[test]
+fn any_name_of_a_session_outlives_a_kill_and_a_deletion_that_was_left_half_way() {
+    let server = Server::on_free_ports().unwrap();
+    let names = ["-", "_", "0", "-demo", "lock", "of"];
+    for name in names {
+        server.client.create(&json!({ "id": name })).unwrap();
+    }
+    let remains = server.kill_and_keep().unwrap();
+    let of = remains.data.join("sessions/of");
+    // As a server leaves it that was killed while it removed a session.
+    fs::rename(of.join("0"), of.join("~0")).unwrap();
+    let server = Server::start_again(remains).unwrap();
+    let (_, listed) = server.client.ask("/sessions").unwrap();
+    let listed: Vec<&str> = listed
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|session| session["id"].as_str().unwrap())
+        .collect();
+    assert_eq!(listed, ["-", "-demo", "_", DEMO, "lock", "of"]);
+    assert!(!of.join("~0").exists());
+    server.client.delete("-").unwrap();
+    assert!(!of.join("-").exists() && of.join("-demo").exists());
+}
+
+#[test]
 fn an_imported_mesh_is_the_same_clay_after_a_kill_and_for_a_hand() {
     let server = Server::on_free_ports().unwrap();
     let cut = cut_a_little(&server, "Ada");
