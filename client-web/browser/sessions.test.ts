@@ -102,13 +102,11 @@ describe("the Sessions page", () => {
 
   it("has the same sessions, with the same clay, when the server comes back from a sudden end", async () => {
     await pause("demo");
-    // What the hand had cut when the pause came is on its way for a moment.
-    let last = "";
-    const before = await until("all of it has come and is saved", async () => {
+    // A hand that is there would come back and go on.
+    await teleclay.killHandles();
+    const before = await until("all of it is saved", async () => {
       const now = await teleclay.session();
-      const isAll = now.storage.state === "durable" && now.clay.hash === last;
-      last = now.clay.hash;
-      return isAll ? now : undefined;
+      return now.storage.state === "durable" && !now.tools[0].connected ? now : undefined;
     });
     page.serverIsAway = true;
     await teleclay.killServer();
@@ -122,6 +120,7 @@ describe("the Sessions page", () => {
     expect(after.clay.hash).toBe(before.clay.hash);
     expect(after.state).toBe("paused");
     await teleclay.patch("demo", { paused: false });
+    teleclay.startHandle();
     const removed = before.clay.removed_volume_m3 * CM3;
     await until("the hand is back and cuts", async () => removed + 0.5 < CM3 * (await teleclay.session()).clay.removed_volume_m3);
   });

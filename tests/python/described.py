@@ -5,6 +5,7 @@ import contextlib
 import http.client
 import json
 import os
+import pathlib
 import re
 import socket
 import struct
@@ -36,6 +37,7 @@ MUST_FIT = [
     "/denominator",  # not all zero
     "/region_m",  # the least corner first
     "/cells",  # at most 100,000 in all
+    "/since",  # not beside a tool
     "/arm_angles_deg",  # no two alike
 ]
 
@@ -82,6 +84,9 @@ class Interface:
 
     def ask(self, method, path, body):
         return self.send(method, path, content=json.dumps(body).encode(), headers={"Content-Type": "application/json"})
+
+    def takes_json(self, operation):
+        return "application/json" in operation.get("requestBody", {}).get("content", {})
 
     def send(self, method, path, content=None, headers=None, address=None):
         method = method.upper()
@@ -169,6 +174,8 @@ class Interface:
             problem = json.loads(answer.body)
             # Whatever the calculation makes of it, the body was accepted.
             refusal = problem if problem["type"] == "/problems/field" else None
+        elif answer.status == 409 and json.loads(answer.body)["type"] == "/problems/nothing-there":
+            pass  # The body was accepted; nobody has cut anything.
         elif 400 <= answer.status and answer.status != 503:
             self.faults.append(f"{method} {path} with {what}: {answer.status} {answer.text}")
         self.hold(self.request_schema(method, path), body, refusal, f"{method} {path} with {what}")
@@ -270,13 +277,33 @@ class Stream:
 
 
 @contextlib.contextmanager
+def with_damage(program, session):
+    """A server that has found the files of a session damaged."""
+    with tempfile.TemporaryDirectory() as folder:
+        with running(program, TELECLAY_DATA_DIR=folder) as address:
+            body = json.dumps(small(session)).encode()
+            connection = http.client.HTTPConnection(address, timeout=PATIENCE_S)
+            connection.request("POST", "/api/v1/sessions", body, {"Content-Type": "application/json"})
+            if connection.getresponse().status != 201:
+                sys.exit("no session could be made that was to be damaged")
+        for file in pathlib.Path(folder, "sessions/of", session).glob("*.s*"):
+            content = bytearray(file.read_bytes())
+            # In the first record of a segment, and in the state of a snapshot.
+            content[110] ^= 1
+            file.write_bytes(content)
+        with running(program, TELECLAY_DATA_DIR=folder) as address:
+            yield address
+
+
+@contextlib.contextmanager
 def running(program, **environment):
     """A server on ports of its own, until the end."""
     port = next(port for port in range(20_000 + os.getpid() % 10_000, 32_000, 3) if all(is_free(port + n) for n in range(3)))
     address = f"127.0.0.1:{port}"
     kept = {name: value for name, value in os.environ.items() if not name.startswith("TELECLAY_")}
     with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryFile() as said:
-        arguments = ["--listen", address, "--zenoh-listen", f"tcp/127.0.0.1:{port + 1}", "--data-dir", folder]
+        arguments = ["--listen", address, "--zenoh-listen", f"tcp/127.0.0.1:{port + 1}"]
+        environment = {"TELECLAY_DATA_DIR": folder} | environment
         server = subprocess.Popen([program, *arguments], env=kept | environment, stdout=said, stderr=said)
         try:
             began = time.monotonic()

@@ -192,7 +192,11 @@ impl Shape {
             .sum()
     }
 
-    pub(crate) fn grid(&self, voxel_size_m: f64) -> Result<Grid, GridError> {
+    /// The grid of voxels of this size that the shape stands in.
+    ///
+    /// # Errors
+    /// It has too many of them, or the size is none.
+    pub fn grid(&self, voxel_size_m: f64) -> Result<Grid, GridError> {
         Grid::covering(self.size_m(), voxel_size_m)
     }
 

@@ -9,7 +9,7 @@ use teleclay_session::{Event, EventKind, Exchange, ExchangedClay, Settings, Snap
 use crate::bytes::Malformed;
 use crate::record::{Fact, Record};
 use crate::state::State;
-use crate::strokes::Strokes;
+use crate::strokes::{NONE, Strokes};
 
 /// Why a record does not follow.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -298,7 +298,13 @@ impl Replay {
         self.decided[slot] = decided;
         let holder = self.session.tools[slot].holder.as_ref();
         let operator = holder.map(|holder| &*holder.operator);
-        let stroke = self.strokes.on_cuts(tick, slot, operator, removed_units);
+        // A tool that was taken clears the place where it stands before anybody moves it.
+        let is_moved = holder.is_some_and(|holder| holder.is_connected);
+        let stroke = if is_moved {
+            self.strokes.on_cuts(tick, slot, operator, removed_units)
+        } else {
+            NONE
+        };
         if self.checks {
             self.clay();
         }

@@ -2,7 +2,8 @@
 //!
 //! A stroke begins where a tool removes clay and has removed none for [`GAP_TICKS`], or was taken, or stands in a fresh
 //! block. All that the tool passes through from then on until its next stroke begins belongs to it, removed or not: a
-//! pass through a groove that it has cut goes with the groove.
+//! pass through a groove that it has cut goes with the groove. What a tool clears where it stands before its hand is
+//! heard belongs to no stroke.
 
 use std::collections::VecDeque;
 use std::sync::Arc;

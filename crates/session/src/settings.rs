@@ -145,8 +145,14 @@ impl Settings {
         let clay = &self.spec.clay;
         let no_block = |error: &dyn std::fmt::Display| FieldError::new("/shape", error.to_string());
         let shape = clay_shape(&clay.shape).map_err(|error| no_block(&error))?;
-        let grid = shape.grid(clay.voxel_size_m).map_err(|error| no_block(&error))?;
-        Ok(grid.voxels().iter().map(|count| u64::from(*count)).product())
+        let grid = shape
+            .grid(clay.voxel_size_m)
+            .map_err(|error| no_block(&error))?;
+        Ok(grid
+            .voxels()
+            .iter()
+            .map(|count| u64::from(*count))
+            .product())
     }
 
     /// What the clay resists with.

@@ -6,6 +6,9 @@ use utoipa::ToSchema;
 use super::{FieldError, MAX_TOOLS, Session, SessionId, StorageReport, Validate};
 use crate::word::words;
 
+/// Beyond this number JSON readers may round.
+const MOST_EXACT: u64 = (1 << 53) - 1;
+
 /// The strokes of a session's present block.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
@@ -43,7 +46,7 @@ pub struct StrokeReport {
 #[serde(deny_unknown_fields)]
 pub struct Undo {
     /// The tool whose last stroke is meant, from 1; that of any tool when left out.
-    #[schema(nullable = false, minimum = 1)]
+    #[schema(nullable = false, minimum = 1, maximum = 8)]
     #[serde(
         default,
         skip_serializing_if = "Option::is_none",
@@ -51,7 +54,7 @@ pub struct Undo {
     )]
     pub tool: Option<u32>,
     /// Without the stroke of this number and all later ones, in place of the last one.
-    #[schema(nullable = false, minimum = 1)]
+    #[schema(nullable = false, minimum = 1, maximum = 9007199254740991_u64)]
     #[serde(
         default,
         skip_serializing_if = "Option::is_none",
@@ -65,7 +68,7 @@ pub struct Undo {
 #[serde(deny_unknown_fields)]
 pub struct Redo {
     /// The tool whose stroke is meant, from 1; that of any tool when left out.
-    #[schema(nullable = false, minimum = 1)]
+    #[schema(nullable = false, minimum = 1, maximum = 8)]
     #[serde(
         default,
         skip_serializing_if = "Option::is_none",
@@ -129,7 +132,10 @@ impl Validate for Undo {
     fn validate(&self) -> Result<(), FieldError> {
         check_tool(self.tool)?;
         match self.since {
-            Some(0) => Err(FieldError::new("/since", "strokes are numbered from 1")),
+            Some(number) if !(1..=MOST_EXACT).contains(&number) => {
+                let detail = format!("{number} is no stroke, they are numbered from 1");
+                Err(FieldError::new("/since", detail))
+            }
             Some(_) if self.tool.is_some() => Err(FieldError::new(
                 "/since",
                 "a stroke and all later ones are those of every tool: leave `tool` out",

@@ -14,8 +14,8 @@ use utoipa_axum::routes;
 use super::body::{Checked, Found, Named, no_such_session};
 use super::openapi::refusals;
 use super::problem::{
-    CLAY_MEMORY, FIELD, Failure, MEDIA_TYPE, NO_ANSWER, NO_SUCH_SESSION, PATH, SESSION_DAMAGED, SESSION_EXISTS,
-    SLOW_BODY, SYNTAX, TOO_LARGE, TOO_MANY_SESSIONS, UNAVAILABLE,
+    CLAY_MEMORY, FIELD, Failure, MEDIA_TYPE, NO_ANSWER, NO_SUCH_SESSION, PATH, SESSION_DAMAGED,
+    SESSION_EXISTS, SLOW_BODY, SYNTAX, TOO_LARGE, TOO_MANY_SESSIONS, UNAVAILABLE,
 };
 use super::{Api, see_through};
 use crate::directory::{ChangeError, CreateError, NoSuchSession};

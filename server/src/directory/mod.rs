@@ -554,7 +554,8 @@ impl Inner {
         let voxels = settings
             .voxels()
             .map_err(|error| CreateError::Field(error.under("/clay")))?;
-        self.check_memory(voxels, None).map_err(CreateError::NoMemory)
+        self.check_memory(voxels, None)
+            .map_err(CreateError::NoMemory)
     }
 
     /// Whether a block of so many voxels fits beside the clay of all sessions, or in the place of one's. Two calls at

@@ -82,7 +82,8 @@ fn clay_is_limited_and_a_refusal_says_what_is_free() {
         "the block takes 1 MiB, 0 of the 1 MiB for all sessions are free"
     );
     let path = "/api/v1/sessions/s0/clay/reset";
-    let block = |size_m: f64| json!({ "shape": { "kind": "block", "size_m": [size_m, size_m, 0.032] } });
+    let block =
+        |size_m: f64| json!({ "shape": { "kind": "block", "size_m": [size_m, size_m, 0.032] } });
     let refusal = site.post(path, &block(0.128));
     assert_eq!((refusal.status, &*refusal.word()), (409, "clay-memory"));
     // In the place of its own clay there is room for as much, and a smaller one makes some.

@@ -134,7 +134,7 @@ fn a_server_that_is_killed_under_a_pressing_hand_lets_it_go_under_every_scheme()
         client
             .session_when(DEMO, "a force on the hand", PATIENCE, feels)
             .unwrap();
-        drop(server.kill().unwrap());
+        server.kill().unwrap();
         let ticks = |status: &serde_json::Value| status["ticks"].as_u64().unwrap_or_default();
         let alone = handle.status().map_or(0, |status| ticks(&status));
         handle

@@ -99,7 +99,9 @@ async fn watch(
         .map_err(|_| {
             TOO_MANY_WATCHERS.because(format!("at most {MAX_WATCHERS} streams are open at once"))
         })?;
-    let from = api.watchers().enter(peer.map(|Extension(Peer(address))| address));
+    let from = api
+        .watchers()
+        .enter(peer.map(|Extension(Peer(address))| address));
     let from = from.ok_or_else(|| {
         TOO_MANY_WATCHERS.because(format!(
             "at most {MAX_WATCHERS_OF_ONE} streams are open from one address at once"
