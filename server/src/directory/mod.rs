@@ -4,6 +4,7 @@
 mod kept;
 mod live;
 mod orders;
+mod room;
 
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
@@ -32,18 +33,17 @@ use tokio::sync::watch;
 
 use crate::collector::{Notice, notify};
 use crate::doors::{Doors, Heard, LeaseChannel, Pass, TO_HOLD_A_TOOL};
-use crate::engine::{Answer, FramesIn, MAX_SESSIONS, Order, Running, Task};
+use crate::engine::{Answer, FramesIn, Order, Running, Task};
 use crate::session::{SessionShared, slot_of};
 use crate::statistics::LoopStats;
 
 pub use kept::{ImportError, PastFailure};
 pub use live::{ClayView, Live};
-pub use orders::ChangeError;
+pub use orders::{ChangeError, NoMemory};
 
 use orders::Orders;
+use room::find_room;
 
-/// Memory that a voxel of a session takes: in the loop's clay, and in the watchers' copy of it.
-const BYTES_A_VOXEL: u64 = 2;
 /// The loop is called running when it ticked within this time.
 const LOOP_ALIVE: Duration = Duration::from_secs(1);
 
@@ -74,21 +74,6 @@ pub enum CreateError {
         /// The reason, in words.
         reason: String,
     },
-}
-
-/// There is no memory for so much clay.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error(
-    "the block takes {} MiB, {} of the {} MiB for all sessions are free",
-    wanted_bytes.div_ceil(1 << 20), free_bytes >> 20, most_bytes >> 20
-)]
-pub struct NoMemory {
-    /// What the block takes, bytes.
-    pub wanted_bytes: u64,
-    /// What is left, bytes.
-    pub free_bytes: u64,
-    /// What there is for all sessions, bytes.
-    pub most_bytes: u64,
 }
 
 /// There is no session of this name.
@@ -546,43 +531,6 @@ impl Inner {
         self.damaged.lock().expect("no holder panics")
     }
 
-    fn find_room(&self, id: &SessionId) -> Result<(), CreateError> {
-        find_room(&self.entries(), id)
-    }
-
-    fn find_memory(&self, settings: &Settings) -> Result<(), CreateError> {
-        let voxels = settings
-            .voxels()
-            .map_err(|error| CreateError::Field(error.under("/clay")))?;
-        self.check_memory(voxels, None)
-            .map_err(CreateError::NoMemory)
-    }
-
-    /// Whether a block of so many voxels fits beside the clay of all sessions, or in the place of one's. Two calls at
-    /// once may both find room for one.
-    pub(crate) fn check_memory(
-        &self,
-        voxels: u64,
-        in_place_of: Option<&SessionId>,
-    ) -> Result<(), NoMemory> {
-        let lives: Vec<Live> = {
-            let entries = self.entries();
-            let others = entries.iter().filter(|(id, _)| Some(*id) != in_place_of);
-            others.map(|(_, entry)| entry.live.clone()).collect()
-        };
-        let used_bytes: u64 = lives.iter().map(|live| BYTES_A_VOXEL * live.voxels()).sum();
-        let wanted_bytes = BYTES_A_VOXEL.saturating_mul(voxels);
-        let free_bytes = self.clay_bytes.saturating_sub(used_bytes);
-        if free_bytes < wanted_bytes {
-            return Err(NoMemory {
-                wanted_bytes,
-                free_bytes,
-                most_bytes: self.clay_bytes,
-            });
-        }
-        Ok(())
-    }
-
     fn scheduler(&self) -> &str {
         self.scheduler.get().map_or("not known yet", String::as_str)
     }
@@ -639,14 +587,4 @@ fn unavailable(error: impl std::fmt::Display) -> CreateError {
     CreateError::Unavailable {
         reason: error.to_string(),
     }
-}
-
-fn find_room(sessions: &HashMap<SessionId, Entry>, id: &SessionId) -> Result<(), CreateError> {
-    if sessions.contains_key(id) {
-        return Err(CreateError::Exists { id: id.clone() });
-    }
-    if MAX_SESSIONS <= sessions.len() {
-        return Err(CreateError::TooMany { most: MAX_SESSIONS });
-    }
-    Ok(())
 }

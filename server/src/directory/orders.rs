@@ -10,7 +10,6 @@ use teleclay_shell::realtime::Claim;
 use tokio::sync::oneshot;
 use tokio::time::timeout;
 
-use super::NoMemory;
 use crate::engine::Mirror;
 use crate::engine::{Answer, Order, TICK, Task};
 
@@ -44,6 +43,21 @@ impl From<Refusal> for ChangeError {
             other => Self::Refused(other),
         }
     }
+}
+
+/// There is no memory for so much clay.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "the block takes {} MiB, {} of the {} MiB for all sessions are free",
+    wanted_bytes.div_ceil(1 << 20), free_bytes >> 20, most_bytes >> 20
+)]
+pub struct NoMemory {
+    /// What the block takes, bytes.
+    pub wanted_bytes: u64,
+    /// What is left, bytes.
+    pub free_bytes: u64,
+    /// What there is for all sessions, bytes.
+    pub most_bytes: u64,
 }
 
 /// The way to the tick.

@@ -11,8 +11,6 @@ use crate::refresh::lower;
 
 const CASES: u32 = 2000;
 const TICKS: usize = 1000;
-/// A server presses if the hand feels more than this, N.
-const PRESSES_N: f64 = 10.0;
 
 /// Often what a loop could mean, and often the end of what may be said.
 fn number(least: f64, most: f64) -> impl Strategy<Value = f64> {
@@ -98,8 +96,8 @@ struct Case {
 #[derive(Clone, Copy, Debug)]
 struct Lie {
     every: usize,
-    /// Whether the blocks are said to be the same one, exchanged: then the copy of the one before is felt until the next
-    /// one is there.
+    /// Whether the blocks are said to be the same one, exchanged: then the copy of the one before is felt until the
+    /// next one is there.
     are_exchanged: bool,
 }
 
@@ -290,7 +288,7 @@ fn harm(case: &Case) -> (usize, f64) {
 
 #[test]
 fn no_server_makes_the_hand_meet_more_than_the_devices_own_profile() {
-    let (ticks, pressed) = run(CASES, &cases());
+    let (ticks, pressed) = run(CASES, &cases(), 10.0);
     // Nothing is shown by servers that do nothing.
     assert!(50 < pressed, "only {pressed} servers pressed at all");
     assert!(1_000_000 < ticks, "only {ticks} commands");
@@ -298,13 +296,13 @@ fn no_server_makes_the_hand_meet_more_than_the_devices_own_profile() {
 
 #[test]
 fn no_server_that_lies_about_the_clay_makes_the_hand_meet_more_either() {
-    let (ticks, pressed) = run(CASES / 4, &lying_cases());
+    let (ticks, pressed) = run(CASES / 4, &lying_cases(), 1.0);
     assert!(50 < pressed, "only {pressed} servers pressed at all");
     assert!(300_000 < ticks, "only {ticks} commands");
 }
 
-/// Ticks in which the device was told something, and servers that pressed.
-fn run(count: u32, cases: &impl Strategy<Value = Case>) -> (usize, u32) {
+/// Ticks in which the device was told something, and servers under which the hand felt more than `presses_n`, N.
+fn run(count: u32, cases: &impl Strategy<Value = Case>, presses_n: f64) -> (usize, u32) {
     let mut runner = TestRunner::new(Config {
         cases: count,
         failure_persistence: None,
@@ -315,7 +313,7 @@ fn run(count: u32, cases: &impl Strategy<Value = Case>) -> (usize, u32) {
     let outcome = runner.run(cases, |case| {
         let (told, greatest_n) = harm(&case);
         ticks.set(ticks.get() + told);
-        pressed.set(pressed.get() + u32::from(PRESSES_N < greatest_n));
+        pressed.set(pressed.get() + u32::from(presses_n < greatest_n));
         Ok(())
     });
     outcome.unwrap();
