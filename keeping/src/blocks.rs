@@ -31,12 +31,20 @@ pub(crate) fn keep(folder: &Path, clay: &mut Clay) -> io::Result<u64> {
     let part = path.with_extension(PART);
     let mut bytes = Vec::new();
     content::encode(clay, &mut bytes);
-    let mut file = File::create(&part)?;
-    file.write_all(&bytes)?;
+    let written = write_as(folder, &part, &path, &bytes);
+    if written.is_err() {
+        // Half a block is of use to nobody, and takes room.
+        let _ = fs::remove_file(&part);
+    }
+    written.map(|()| hash)
+}
+
+fn write_as(folder: &Path, part: &Path, path: &Path, bytes: &[u8]) -> io::Result<()> {
+    let mut file = File::create(part)?;
+    file.write_all(bytes)?;
     file.sync_all()?;
-    fs::rename(&part, &path)?;
-    File::open(folder)?.sync_all()?;
-    Ok(hash)
+    fs::rename(part, path)?;
+    File::open(folder)?.sync_all()
 }
 
 /// The blocks that are kept in a session's folder.

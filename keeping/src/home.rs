@@ -108,16 +108,34 @@ impl Home {
         session: &mut Session,
         given: Option<&mut Clay>,
     ) -> Result<(Keeper, Archive), HomeError> {
-        let id = session.settings().spec.id.clone();
-        let path = self.path(&id);
-        let disk = Disk::new(&path).map_err(at(&path))?;
+        let path = self.path(&session.settings().spec.id);
+        // Whoever makes the folder has it to themselves.
+        fs::create_dir(&path).map_err(at(&path))?;
+        File::open(&self.folder)
+            .and_then(|folder| folder.sync_all())
+            .map_err(at(&self.folder))?;
+        let begun = self.begin_in(&path, session, given);
+        if begun.is_err() {
+            // What never began keeps no name. Should it stay, the next start removes it.
+            let _ = fs::remove_dir_all(&path);
+        }
+        begun
+    }
+
+    fn begin_in(
+        &self,
+        path: &Path,
+        session: &mut Session,
+        given: Option<&mut Clay>,
+    ) -> Result<(Keeper, Archive), HomeError> {
+        let disk = Disk::existing(path).map_err(at(path))?;
         let writer = Writer::go_on(Reader::open(disk)?, self.policy)?;
         session.keep_journal();
         let mut recorder = Recorder::new(session.tools());
-        let given = given.map(|clay| blocks::keep(&path, clay)).transpose();
-        let given = given.map_err(at(&path))?;
+        let given = given.map(|clay| blocks::keep(path, clay)).transpose();
+        let given = given.map_err(at(path))?;
         let first = recorder.begin(session, given).to_vec();
-        self.keep(&path, writer, recorder, &first, session, 0)
+        self.keep(path, writer, recorder, &first, session, 0)
     }
 
     /// The session as it was, which goes on, and how it is kept from now on.
@@ -198,16 +216,33 @@ impl Home {
         self.folder.join(id.as_str())
     }
 
-    /// Removes what an earlier server had begun to remove.
+    /// Removes what an earlier server had begun to remove, and sessions of which it had not written a byte when it
+    /// ended: nobody was told that these are durable.
     fn sweep(&self) -> Result<(), HomeError> {
         let entries = fs::read_dir(&self.folder).map_err(at(&self.folder))?;
         for entry in entries.flatten() {
-            if entry.file_name().to_string_lossy().starts_with(GOING) {
-                fs::remove_dir_all(entry.path()).map_err(at(&entry.path()))?;
+            let path = entry.path();
+            let is_going = entry.file_name().to_string_lossy().starts_with(GOING);
+            if is_going || never_began(&path) {
+                fs::remove_dir_all(&path).map_err(at(&path))?;
             }
         }
         Ok(())
     }
+}
+
+/// Whether a folder holds nothing but room for records. What cannot be read has begun.
+fn never_began(path: &Path) -> bool {
+    /// Files of one that has not: a segment, a lock, a block.
+    const MOST_FILES: usize = 3;
+    let files = fs::read_dir(path).map_or(usize::MAX, Iterator::count);
+    files <= MOST_FILES
+        && Disk::existing(path)
+            .ok()
+            .and_then(|disk| Reader::open(disk).ok())
+            .is_some_and(|reader| {
+                reader.last() == 0 && reader.damage().is_empty() && reader.remarks().is_empty()
+            })
 }
 
 fn check_version(sessions: &Path) -> Result<(), HomeError> {

@@ -56,6 +56,8 @@ pub(crate) struct SessionShared {
     pub(crate) channels: Channels,
     /// Its history, where one is kept.
     pub(crate) archive: Option<Archive>,
+    /// Held by whoever looks into its history: one after the other, and each on one thread.
+    pub(crate) looking_back: Arc<tokio::sync::Semaphore>,
     /// Held by whoever prepares a command: prepared one after the other, none is overtaken by another.
     pub(crate) preparing: tokio::sync::Mutex<()>,
     /// Ticks at the last record; apart from the statistics, so that whoever holds those can tell the time.
@@ -84,6 +86,7 @@ impl SessionShared {
             stats: Mutex::new(SessionStats::new()),
             channels: Channels::default(),
             archive,
+            looking_back: Arc::new(tokio::sync::Semaphore::new(1)),
             preparing: tokio::sync::Mutex::default(),
             ticks: AtomicU64::new(0),
             telemetry: broadcast::channel(SAMPLES_KEPT).0,

@@ -198,6 +198,11 @@ fn finish(server: &Server, hands: &mut [Handle; 2], report: &mut Report) -> Resu
         *most_n = greatest_force_step_n(&hand.ticks()?);
         ensure!(*most_n <= FORCE_STEP_N, "{most_n} N in a tick");
     }
+    ensure!(
+        drained.clay.epoch == 1,
+        "the hand has cut its block through and asked for another, so its ticks cannot be swept through one block: take \
+         fewer kills"
+    );
     let mut cut = replay(&drained, &hands[0].ticks()?)?;
     report.removed_m3 = cut.clay.removed_volume_m3();
     ensure!(

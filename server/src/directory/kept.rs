@@ -27,6 +27,8 @@ const ROUNDS_A_LOOK_AFTER: u64 = 20;
 /// was exchanged meanwhile, and so often it is brought up to date because too much was cut meanwhile.
 const REWRITES: usize = 4;
 const CATCH_UPS: usize = 64;
+/// The beginning of a session comes to disk within this time, or the disk is slow beyond reason.
+const BEGUN_WITHIN: Duration = Duration::from_secs(2);
 /// What was cut comes to disk at least this often while anything is cut.
 const COMMITTED_WITHIN: Duration = Duration::from_millis(25);
 
@@ -209,15 +211,38 @@ impl Live {
         })
     }
 
+    /// Waits until the beginning of a session is on disk, so that whoever is told that it was made finds it after a
+    /// kill. A disk that fails, or is slow beyond reason, is told of by the session's state.
+    pub(super) async fn is_kept(&self) {
+        let Some(archive) = &self.shared.archive else {
+            return;
+        };
+        let began = Instant::now();
+        while archive.durable() == 0
+            && !matches!(archive.storage(), Storage::Failed { .. })
+            && began.elapsed() < BEGUN_WITHIN
+        {
+            tokio::time::sleep(TICK).await;
+        }
+    }
+
     /// Does something with the files, on a thread that may take its time.
     async fn with_archive<T: Send + 'static>(
         &self,
         work: impl FnOnce(&Archive) -> Result<T, PastFailure> + Send + 'static,
     ) -> Result<T, PastFailure> {
         let shared: Arc<SessionShared> = Arc::clone(&self.shared);
-        let done = tokio::task::spawn_blocking(move || match &shared.archive {
-            Some(archive) => work(archive),
-            None => Err(PastFailure::Ephemeral),
+        // However many ask, they wait here, where waiting takes no thread from those who change sessions.
+        let turn = Arc::clone(&self.shared.looking_back).acquire_owned().await;
+        // It is never closed.
+        let turn = turn.map_err(|_| ChangeError::Gone)?;
+        let done = tokio::task::spawn_blocking(move || {
+            // Until the work is done, whether or not anybody still waits for it.
+            let _turn = turn;
+            match &shared.archive {
+                Some(archive) => work(archive),
+                None => Err(PastFailure::Ephemeral),
+            }
         });
         // It is not joined only where the server ends.
         done.await.map_err(|_| ChangeError::Gone)?

@@ -317,6 +317,7 @@ impl Directory {
         }
         self.0.changes.send_modify(|changes| *changes += 1);
         live.first_record().await;
+        live.is_kept().await;
         Ok(live.state())
     }
 

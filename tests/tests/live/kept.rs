@@ -208,9 +208,18 @@ fn a_disk_that_fills_up_pauses_cutting_and_goes_on_by_itself() {
         "nothing is cut that cannot be kept"
     );
     assert!(failed(&still));
+    // What cannot be kept is not begun, and its name stays free.
+    let duplicate = format!("/sessions/{DEMO}/duplicate");
+    fs::write(disk.path().join("rest"), vec![0; 4 << 20]).unwrap_err();
+    let (status, refused) = client.post(&duplicate, &json!({ "id": "twin" })).unwrap();
+    assert_eq!(status, 503, "{refused}");
+    assert!(!disk.path().join("data/sessions/of/twin").exists());
     assert!(still.storage.durable_revision < still.revision);
 
     fs::remove_file(&filler).unwrap();
+    fs::remove_file(disk.path().join("rest")).unwrap();
+    let (status, made) = client.post(&duplicate, &json!({ "id": "twin" })).unwrap();
+    assert_eq!(status, 201, "{made}");
     client
         .session_when(
             DEMO,
@@ -417,6 +426,9 @@ fn any_name_of_a_session_outlives_a_kill_and_a_deletion_that_was_left_half_way()
     let of = remains.data.join("sessions/of");
     // As a server leaves it that was killed while it removed a session.
     fs::rename(of.join("0"), of.join("~0")).unwrap();
+    // And one that was killed before it had written anything of a session.
+    fs::create_dir(of.join("never")).unwrap();
+    fs::write(of.join("never/lock"), "").unwrap();
     let server = Server::start_again(remains).unwrap();
     let (_, listed) = server.client.ask("/sessions").unwrap();
     let listed: Vec<&str> = listed
@@ -426,9 +438,49 @@ fn any_name_of_a_session_outlives_a_kill_and_a_deletion_that_was_left_half_way()
         .map(|session| session["id"].as_str().unwrap())
         .collect();
     assert_eq!(listed, ["-", "-demo", "_", DEMO, "lock", "of"]);
-    assert!(!of.join("~0").exists());
+    assert!(!of.join("~0").exists() && !of.join("never").exists());
     server.client.delete("-").unwrap();
     assert!(!of.join("-").exists() && of.join("-demo").exists());
+}
+
+/// Whoever looks into the history of a session takes a turn: many at once do not take the threads by which sessions are
+/// changed.
+#[test]
+fn many_who_look_back_at_once_take_turns() {
+    const MANY: usize = 64;
+    let server = Server::on_free_ports().unwrap();
+    cut_a_little(&server, "Ada");
+    let status = format!("/proc/{}/status", server.process.id());
+    let threads = || -> usize {
+        let status = fs::read_to_string(&status).unwrap();
+        let line = status
+            .lines()
+            .find_map(|line| line.strip_prefix("Threads:"));
+        line.unwrap().trim().parse().unwrap()
+    };
+    let before = threads();
+    let client = &server.client;
+    let mut most = 0;
+    std::thread::scope(|scope| {
+        let asking: Vec<_> = (0..MANY)
+            .map(|_| scope.spawn(|| client.ask(&format!("/sessions/{DEMO}/history")).unwrap().0))
+            .collect();
+        while !asking
+            .iter()
+            .all(std::thread::ScopedJoinHandle::is_finished)
+        {
+            most = most.max(threads());
+            client.patch(DEMO, &json!({ "deadband": 0.05 })).unwrap();
+        }
+        for asked in asking {
+            assert_eq!(asked.join().unwrap(), 200);
+        }
+    });
+    println!("{before} threads before, {most} at most");
+    assert!(
+        most < before + MANY / 4,
+        "{before} threads before, {most} at most"
+    );
 }
 
 #[test]
