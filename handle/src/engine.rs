@@ -128,6 +128,8 @@ pub(crate) struct Record {
     pub(crate) scheme: Scheme,
     /// What the copy of the clay is good for, where there is one.
     pub(crate) copy: CopyState,
+    /// The block of clay that the handle side has seen, or that its copy is of.
+    pub(crate) clay_epoch: u32,
     /// What corrections of it have done to the hand.
     pub(crate) corrections: Corrections,
     pub(crate) wanted: Wanted,
@@ -266,6 +268,7 @@ impl Engine {
             lost_on_the_way_out: self.attachment.lost_on_the_way_out(),
             scheme: side.scheme(),
             copy: side.frame().copy,
+            clay_epoch: side.frame().header.clay_epoch,
             corrections: side.frame().corrections,
             wanted: Wanted {
                 revision: side.revision(),
@@ -433,6 +436,7 @@ pub(crate) fn sample_record() -> Record {
         lost_on_the_way_out: 0,
         scheme: Scheme::ForceExchange,
         copy: CopyState::None,
+        clay_epoch: 1,
         corrections: Corrections::default(),
         wanted: Wanted {
             revision: 0,

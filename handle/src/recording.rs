@@ -14,9 +14,10 @@ use crate::engine::{Mode, Record};
 /// The columns. Times are on the handle's own clock; `silence_s` is how long ago the last frame of the tool side came,
 /// `echo_s` how long ago it last showed that it had heard something new; `rtt_s` is empty unless a frame of this tick
 /// completed a round trip. The handle's position is its displacement from home. `copy` says what its copy of the clay
-/// is good for, where the scheme keeps one; `correction_moved_n` is how far corrections of that copy have moved the
+/// is good for, where the scheme keeps one, `clay_epoch` which block that copy is of, or else the one last heard of, 0
+/// before any; `correction_moved_n` is how far corrections of that copy have moved the
 /// felt force since it was made, `correction_held_n` what they have still to let in.
-pub const COLUMNS: &str = "clock_s,lateness_s,lease,mode,link_state,copy,silence_s,echo_s,rtt_s,\
+pub const COLUMNS: &str = "clock_s,lateness_s,lease,mode,link_state,copy,clay_epoch,silence_s,echo_s,rtt_s,\
     position_x_m,position_y_m,position_z_m,velocity_x_m_s,velocity_y_m_s,velocity_z_m_s,\
     hand_force_x_n,hand_force_y_n,hand_force_z_n,felt_force_x_n,felt_force_y_n,felt_force_z_n,\
     correction_moved_n,correction_held_n";
@@ -59,13 +60,14 @@ fn write_line(file: &mut impl Write, record: &Record) -> io::Result<()> {
     let seconds = |nanos: u64| nanos as f64 * 1e-9;
     write!(
         file,
-        "{:.6},{:.9},{},{},{},{},{:.6},{:.6},",
+        "{:.6},{:.9},{},{},{},{},{},{:.6},{:.6},",
         seconds(record.at_ns),
         seconds(record.lateness_ns),
         record.lease,
         mode(record.mode),
         link_state(record.link_state),
         record.copy,
+        record.clay_epoch,
         seconds(record.silence_ns),
         seconds(record.echo_age_ns),
     )?;
@@ -124,6 +126,7 @@ mod tests {
             let mut record = sample_record();
             record.at_ns = 2_000_001_000;
             record.heard.rtt_ns = rtt_ns;
+            record.clay_epoch = 3;
             record.felt_force_n = [0.1, -2.0, 0.0];
             record.corrections.moved_n = 1.5;
             record.corrections.held_n = [0.0, -0.75, 1.0];
@@ -143,6 +146,7 @@ mod tests {
                 "no sample is no zero"
             );
             assert_eq!((of("link_state"), of("mode")), ("live", "coupled"));
+            assert_eq!(of("clay_epoch"), "3");
             assert_eq!(
                 (of("felt_force_x_n"), of("felt_force_y_n")),
                 ("0.1", "-2.0")

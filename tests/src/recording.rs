@@ -17,6 +17,8 @@ pub struct Row {
     pub link_state: String,
     /// What the copy of the clay was good for: `none`, `live`, `stale`, `diverged`.
     pub copy: String,
+    /// The block that the copy was of.
+    pub clay_epoch: u32,
     /// Since the last frame of the tool side, s.
     pub silence_s: f64,
     /// Round trip, when a frame of this tick completed one, s.
@@ -80,6 +82,7 @@ fn row(columns: &[&str], line: &str) -> Result<Row> {
         mode: text("mode")?.to_owned(),
         link_state: text("link_state")?.to_owned(),
         copy: text("copy")?.to_owned(),
+        clay_epoch: text("clay_epoch")?.parse()?,
         silence_s: number("silence_s")?,
         rtt_s: match text("rtt_s")? {
             "" => None,

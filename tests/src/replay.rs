@@ -1,4 +1,4 @@
-//! What a handle wrote down, swept through a fresh block by the clay alone, without scheme, line or clock: what a copy
+//! What a handle wrote down, swept through fresh blocks by the clay alone, without scheme, line or clock: what a copy
 //! of the clay promises is judged against it, to the last bit.
 
 use anyhow::{Context as _, Result, ensure};
@@ -8,11 +8,13 @@ use teleclay_proto::http::Session;
 
 use crate::recording::{Row, norm};
 
-/// What the handle's ticks come to in a block of their own.
+/// What the handle's ticks come to in blocks of their own.
 #[derive(Debug)]
 pub struct Replay {
-    /// The clay that is left.
+    /// What is left of the last block.
     pub clay: Clay,
+    /// Which one that was, counted by the server.
+    pub epoch: u32,
     /// Root mean square of felt force less the clay's answer, over the greatest answer.
     pub force_nrmse: f64,
     /// Ticks that cut.
@@ -22,8 +24,9 @@ pub struct Replay {
 /// The force of a copy that was stale comes back by the ramp, 50 ticks.
 const RETURN_TICKS: u32 = 50;
 
-/// Sweeps a fresh block of the session along the way that the handle wrote down, but for where its copy was felt only,
-/// until the pause. Before it has a copy the server's tool follows it; at home, where nobody moves yet.
+/// Sweeps fresh blocks of the session along the way that the handle wrote down, each for as long as its copy was of
+/// that one, but for where it was felt only, until the pause. Before it has a copy the server's tool follows it; at
+/// home, where nobody moves yet. Whoever asks for fresh clay stands outside of it meanwhile.
 ///
 /// # Errors
 /// The recording ends without a pause, or holds what no clay can be swept with.
@@ -39,8 +42,15 @@ pub fn replay(session: &Session, rows: &[Row]) -> Result<Replay> {
     let mut contact = ContactState::default();
     let (mut squares, mut greatest_n, mut ticks) = (0.0, 0.0_f64, 0);
     let mut since_stale = u32::MAX / 2;
+    let mut epoch = rows.first().map_or(0, |row| row.clay_epoch);
     let pause = rows.iter().position(|row| row.link_state == "paused");
     for pair in rows[..pause.context("it did not end with a pause")?].windows(2) {
+        if pair[1].clay_epoch != epoch {
+            epoch = pair[1].clay_epoch;
+            clay = Clay::new(&shape, session.clay.voxel_size_m)?;
+            contact = ContactState::default();
+            since_stale = 0;
+        }
         if pair[1].copy == "stale" {
             since_stale = 0;
             continue;
@@ -77,6 +87,7 @@ pub fn replay(session: &Session, rows: &[Row]) -> Result<Replay> {
     }
     Ok(Replay {
         clay,
+        epoch,
         force_nrmse: (squares / ticks as f64).sqrt() / greatest_n,
         ticks,
     })
