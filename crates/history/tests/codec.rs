@@ -17,6 +17,10 @@ fn operator() -> impl Strategy<Value = Arc<Operator>> {
     (".{1,64}", ".{0,20}").prop_map(|(name, device)| Arc::new(Operator { name, device }))
 }
 
+fn text() -> impl Strategy<Value = Arc<str>> {
+    ".{0,64}".prop_map(Arc::from)
+}
+
 fn settings() -> impl Strategy<Value = Arc<Settings>> {
     (1..=8_u8, any::<u64>(), any::<bool>(), 0.0..0.5_f64).prop_map(
         |(tools, revision, is_paused, deadband)| {
@@ -39,7 +43,10 @@ fn kinds() -> impl Strategy<Value = EventKind> {
     let because = prop_oneof![
         Just(Release::Left),
         Just(Release::RanOut),
-        Just(Release::TakenOver)
+        Just(Release::TakenOver),
+        Just(Release::Stopped),
+        Just(Release::TakenAway),
+        text().prop_map(|to| Release::HandedOver { to }),
     ];
     prop_oneof![
         settings().prop_map(|settings| EventKind::Changed { settings }),
@@ -70,6 +77,10 @@ fn kinds() -> impl Strategy<Value = EventKind> {
                 because,
             }
         }),
+        (text(), text()).prop_map(|(by, reason)| EventKind::Stopped { by, reason }),
+        text().prop_map(|by| EventKind::StopCleared { by }),
+        (slot(), text())
+            .prop_map(|(slot, operator)| EventKind::ReservationEnded { slot, operator }),
         slot().prop_map(|slot| EventKind::Connected { slot }),
         slot().prop_map(|slot| EventKind::Disconnected { slot }),
         slot().prop_map(|slot| EventKind::Fault {
@@ -115,6 +126,7 @@ fn facts() -> impl Strategy<Value = Fact> {
             }
         ),
         any::<u32>().prop_map(|ownership_epoch| Fact::GoneOn { ownership_epoch }),
+        any::<u64>().prop_map(|revision| Fact::Passed { revision }),
         (any::<u64>(), kinds()).prop_map(|(revision, kind)| Fact::Told { revision, kind }),
     ]
 }
@@ -181,10 +193,10 @@ fn a_damaged_snapshot_is_refused_or_is_another_state_and_never_panics() {
         }
         assert!(State::decode(&bytes[..at]).is_err());
     }
-    let newer = [&[2_u8][..], &bytes[1..]].concat();
+    let newer = [&[3_u8][..], &bytes[1..]].concat();
     let refusal = State::decode(&newer).unwrap_err().to_string();
     assert_eq!(
         refusal,
-        "version 2 is newer than 1, the newest that this program reads"
+        "version 3 is newer than 2, the newest that this program reads"
     );
 }
