@@ -3,9 +3,7 @@
 //! Version 2 says besides whether the session is stopped, and for whom a tool is kept. What version 1 has written is read.
 
 use teleclay_clay::Clay;
-use teleclay_session::{
-    HolderSnapshot, Recovery, Rules, Snapshot, StopSnapshot, ToolSnapshot,
-};
+use teleclay_session::{HolderSnapshot, Recovery, Rules, Snapshot, StopSnapshot, ToolSnapshot};
 
 use crate::bytes::{Malformed, Reader, put_number, put_text};
 use crate::content;

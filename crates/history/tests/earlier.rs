@@ -33,12 +33,7 @@ fn a_snapshot_of_version_1_is_read_and_has_no_stop_and_no_reservation() {
     let session = &state.session;
     assert_eq!((session.ownership_epoch, session.clay_epoch), (2, 3));
     assert_eq!(session.stop, None);
-    assert!(
-        session
-            .tools
-            .iter()
-            .all(|tool| tool.reserved_for.is_none())
-    );
+    assert!(session.tools.iter().all(|tool| tool.reserved_for.is_none()));
     let holders: Vec<_> = session
         .tools
         .iter()

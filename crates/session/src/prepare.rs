@@ -66,10 +66,19 @@ pub(crate) struct ControlParts {
 }
 
 pub(crate) enum Wish {
-    Request { operator: Arc<str> },
-    Withdraw { operator: Arc<str> },
-    Grant { operator: Arc<str> },
-    Deny { operator: Arc<str>, reason: Arc<str> },
+    Request {
+        operator: Arc<str>,
+    },
+    Withdraw {
+        operator: Arc<str>,
+    },
+    Grant {
+        operator: Arc<str>,
+    },
+    Deny {
+        operator: Arc<str>,
+        reason: Arc<str>,
+    },
     Release,
 }
 
