@@ -110,6 +110,18 @@ pub enum JoinReply {
     },
 }
 
+impl JoinReply {
+    /// A refusal that names nobody.
+    #[must_use]
+    pub const fn refused(code: RefusalCode, reason: String) -> Self {
+        Self::Refused {
+            code,
+            reason,
+            holder: None,
+        }
+    }
+}
+
 /// A lease and all that the handle needs to use it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
