@@ -6,7 +6,7 @@ mod rigs;
 
 use std::time::Duration;
 
-use rigs::{TICK, both_ways, carving, cutting, line, norm, running};
+use rigs::{both_ways, carving, cutting, line, norm, running};
 use teleclay_proto::{Material, Scheme};
 use teleclay_session::Prepared;
 use teleclay_sim::rig::Rig;
