@@ -57,8 +57,10 @@ fn calls<T>(work: impl FnOnce() -> T) -> (T, u64) {
     (result, count)
 }
 
-/// A tick, with everything that the thread does around it. What leaves is kept, to be dropped elsewhere.
+/// A tick, with everything that the thread does around it. What leaves is dropped elsewhere, before the next one: so
+/// nothing that the session still has to give away is kept alive by it.
 fn tick(bench: &mut Bench, left: &mut Vec<Event>) -> u64 {
+    left.clear();
     let (session, now) = (&mut bench.session, bench.now);
     let mut sides = Vec::with_capacity(8);
     let ((), count) = calls(|| {
@@ -247,7 +249,11 @@ fn neither_a_steady_tick_nor_a_command_touches_the_heap() {
     let tools = bench.session.snapshot().tools;
     assert!(tools[0].holder.is_some() && tools[0].requests.is_empty());
     assert!(tools[1].reserved_for.is_none());
-    // A stop where nothing else finds room.
+    // A stop where nothing else finds room, with every tool held.
+    for name in ["Bob", "Eve"] {
+        bench.join(name).unwrap();
+    }
+    assert!((0..3).all(|slot| bench.session.side(slot).is_some()));
     let nothing = change(SessionPatch::default());
     while bench.command(&nothing).is_ok() {}
     let mut prepared = Prepared::stop("Ada", "enough");
