@@ -10,9 +10,9 @@
 //! that begins where the one before it in the same fact ended says so in a byte; the first never does, so every record
 //! can be read by itself.
 //!
-//! Who asks for a tool is not kept: after a restart nobody waits for the answer any more. That something has changed is,
-//! by its revision, since revisions never fall. A stop is kept, and so is for whom a tool is reserved: otherwise a server
-//! that comes back would give the tool to the one who has just handed it over.
+//! Who asks for a tool is not kept: after a restart nobody waits for the answer any more. That something has changed
+//! is, by its revision, since revisions never fall. A stop is kept, and so is for whom a tool is reserved: otherwise a
+//! server that comes back would give the tool to the one who has just handed it over.
 
 use std::sync::Arc;
 

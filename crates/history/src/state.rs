@@ -1,6 +1,7 @@
 //! The state of a session after a record, and its bytes: a snapshot.
 //!
-//! Version 2 says besides whether the session is stopped, and for whom a tool is kept. What version 1 has written is read.
+//! Version 2 says besides whether the session is stopped, and for whom a tool is kept. What version 1 has written is
+//! read.
 
 use teleclay_clay::Clay;
 use teleclay_session::{HolderSnapshot, Recovery, Rules, Snapshot, StopSnapshot, ToolSnapshot};

@@ -1,7 +1,7 @@
 //! What an earlier program has written is read: a session of three tools, in snapshot and records of version 1.
 //!
-//! Ada, Bob and Eve join; Ada cuts, the block is made fresh, Ada cuts on, another server goes on, Eve leaves, a stroke is
-//! undone, Bob's numbers are none, Ada cuts on.
+//! Ada, Bob and Eve join; Ada cuts, the block is made fresh, Ada cuts on, another server goes on, Eve leaves, a stroke
+//! is undone, Bob's numbers are none, Ada cuts on.
 
 use teleclay_history::{Record, Replay, State};
 use teleclay_link::safety::{Flaw, Implausible};

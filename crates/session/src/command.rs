@@ -37,8 +37,8 @@ pub enum Command {
         /// The lease.
         lease: u32,
     },
-    /// Take every tool from whoever holds it, and give none until the stop is cleared. It is never refused: its words are
-    /// made to fit, and one that comes while another holds leaves that one's words as they are.
+    /// Take every tool from whoever holds it, and give none until the stop is cleared. It is never refused: its words
+    /// are made to fit, and one that comes while another holds leaves that one's words as they are.
     Stop {
         /// Who stops.
         by: String,

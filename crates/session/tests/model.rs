@@ -3,7 +3,8 @@
 //!
 //! The model is written from what the rules promise, in milliseconds and names. It says of every command whether it is
 //! carried out, and else why not; of commands that were prepared long before, too. Time passes in steps whose sums lie
-//! no nearer than a few milliseconds to any limit of the rules, so that model and session need not agree about the tick.
+//! no nearer than a few milliseconds to any limit of the rules, so that model and session need not agree about the
+//! tick.
 
 mod bench;
 
@@ -327,6 +328,13 @@ impl World {
                 self.counts.late += 1;
                 self.carry_out(&command, prepared, from);
             }
+            8 if self.draw(8) == 0 => {
+                // Half a minute, in which whoever is there says so often enough to keep a tool.
+                for _ in 0..5 {
+                    self.bench.now = self.bench.now.after(TICK * (STEP_MS * 300));
+                    self.run(7);
+                }
+            }
             7 if self.draw(12) == 0 => {
                 // Everybody wants the same tool.
                 let tool = 1 + self.draw(TOOLS as u64) as u32;
@@ -449,7 +457,11 @@ impl World {
             .iter()
             .map(|tool| tool.requests.len())
             .sum();
-        self.counts.forgotten += (asked - still) as u64;
+        let still_held = self.model.tools.iter().flat_map(|tool| &tool.holder);
+        if still_held.count() == held.len() {
+            // By their age, and not because the tool is free.
+            self.counts.forgotten += (asked - still) as u64;
+        }
         if self.model.stop.is_some() {
             self.counts.stopped_ticks += u64::from(STEP_MS);
             assert!(

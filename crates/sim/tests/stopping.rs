@@ -1,5 +1,5 @@
-//! What a stop is to the hand: the end of a lease, under every scheme. The force goes to exactly zero within silence and
-//! ramp, by the slew; a hand on a copy of the clay needs the server's farewell for that. No clay is cut any more.
+//! What a stop is to the hand: the end of a lease, under every scheme. The force goes to exactly zero within silence
+//! and ramp, by the slew; a hand on a copy of the clay needs the server's farewell for that. No clay is cut any more.
 #![allow(clippy::float_cmp, reason = "a force that is off is exactly zero")]
 
 mod rigs;

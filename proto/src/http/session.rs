@@ -114,8 +114,8 @@ pub struct Session {
     /// Which tools are in fault, and why; `null` when none is.
     #[schema(required)]
     pub fault: Option<String>,
-    /// Who has stopped the session, and why; `null` when nobody has. While it is stopped nobody holds a tool, and nobody
-    /// gets one.
+    /// Who has stopped the session, and why; `null` when nobody has. While it is stopped nobody holds a tool, and
+    /// nobody gets one.
     #[schema(required)]
     pub stop: Option<Stop>,
     /// What the clay resists with.

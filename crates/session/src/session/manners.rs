@@ -1,7 +1,7 @@
 //! A stop that holds, and who asks whom for a tool.
 //!
-//! *Architecture invariant*: a stop is never refused. It waits for no settings and no room: the queue of events has room
-//! for one beyond what anything else may fill, and until the queue is shorter again no stop can be cleared.
+//! *Architecture invariant*: a stop is never refused. It waits for no settings and no room: the queue of events has
+//! room for one beyond what anything else may fill, and until the queue is shorter again no stop can be cleared.
 
 use std::sync::Arc;
 
