@@ -360,7 +360,7 @@ async fn accept(
             granted: *granted,
             channel,
         })),
-        Ok(JoinReply::Refused { code, reason }) => {
+        Ok(JoinReply::Refused { code, reason, .. }) => {
             Attempt::Refused(JoinError::Refused { code, reason })
         }
         Err(error) => Attempt::Refused(unusable(error.to_string())),

@@ -7,15 +7,15 @@
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-use crate::http::ClayShape;
+use crate::http::{ClayShape, check_name};
 use crate::invite::InviteId;
 use crate::scheme::MAX_DEADBAND;
 use crate::validate::{FieldError, Validate, check, check_text};
 use crate::word::words;
 use crate::{Axes, Material, NodeName, Scheme, ToolDescription};
 
-/// Longest name of an operator or of a device, in characters.
-const MAX_TEXT: usize = 64;
+/// Longest word of farewell, in characters.
+const MAX_FAREWELL: usize = 256;
 
 /// Asks for a challenge. Anybody may.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -104,7 +104,22 @@ pub enum JoinReply {
         code: RefusalCode,
         /// Why, for people.
         reason: String,
+        /// For whom the tool is kept, where the code is [`RefusalCode::Reserved`].
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        holder: Option<String>,
     },
+}
+
+impl JoinReply {
+    /// A refusal that names nobody.
+    #[must_use]
+    pub const fn refused(code: RefusalCode, reason: String) -> Self {
+        Self::Refused {
+            code,
+            reason,
+            holder: None,
+        }
+    }
 }
 
 /// A lease and all that the handle needs to use it.
@@ -158,6 +173,10 @@ words! {
         NotAllowed "not_allowed",
         /// Every tool of the session is held.
         NoFreeTool "no_free_tool",
+        /// Somebody has stopped the session: nobody gets a tool until that is over.
+        Stopped "stopped",
+        /// The tool that is free is kept for another operator, for a moment.
+        Reserved "reserved",
         /// There is no such session.
         NoSuchSession "no_such_session",
         /// The server is about to stop.
@@ -305,8 +324,8 @@ impl Default for LoopParameters {
 impl Validate for JoinRequest {
     /// The protocol is not checked here: a mismatch has a refusal of its own.
     fn validate(&self) -> Result<(), FieldError> {
-        check_text("/operator", &self.operator, MAX_TEXT)?;
-        check_text("/device", &self.device, MAX_TEXT)
+        check_name("/operator", &self.operator)?;
+        check_name("/device", &self.device)
     }
 }
 
@@ -363,7 +382,7 @@ impl Validate for SealedReply {
 
 impl Validate for Farewell {
     fn validate(&self) -> Result<(), FieldError> {
-        check_text("/reason", &self.reason, 4 * MAX_TEXT)
+        check_text("/reason", &self.reason, MAX_FAREWELL)
     }
 }
 

@@ -219,8 +219,16 @@ fn a_reply_is_one_of_two_and_has_nothing_extra() {
     let reply = JoinReply::Refused {
         code: RefusalCode::Busy,
         reason: "the loop is late".to_owned(),
+        holder: None,
     };
     assert_eq!(parse(refused), Ok(reply));
+    let reserved = br#"{"outcome":"refused","code":"reserved","reason":"","holder":"Bob"}"#;
+    let reply = JoinReply::Refused {
+        code: RefusalCode::Reserved,
+        reason: String::new(),
+        holder: Some("Bob".to_owned()),
+    };
+    assert_eq!(parse(reserved), Ok(reply));
     for bad in [
         r#"{"outcome":"refused","code":"busy","reason":"","lease":1}"#,
         r#"{"outcome":"refused","code":"boredom","reason":""}"#,

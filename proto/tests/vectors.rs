@@ -366,6 +366,29 @@ fn texts_laid_out_by_hand() {
         list(&file("join.json"), "replies")[1]["value"],
         value(refused)
     );
+    let reserved = r#"{"outcome":"refused","code":"reserved",
+        "reason":"the tool of session `demo` that is free is kept for Bob","holder":"Bob"}"#;
+    let replies = file("join.json");
+    assert_eq!(list(&replies, "replies")[3]["value"], value(reserved));
+    let stopped = r#"{"outcome":"refused","code":"stopped",
+        "reason":"session `demo` was stopped by Eve: a hand in the way"}"#;
+    assert_eq!(list(&replies, "replies")[2]["value"], value(stopped));
+    let texts = file("server_texts.json");
+    let states: Vec<&Value> = list(&texts, "cases")
+        .iter()
+        .filter(|case| case["value"]["type"] == "state")
+        .map(|case| &case["value"]["session"])
+        .collect();
+    let [running, stopped, handed_over] = states[..] else {
+        panic!("{} states", states.len())
+    };
+    assert_eq!(running["stop"], Value::Null);
+    assert_eq!(running["tools"][0]["requests"], value(r#"["Bob","Eve"]"#));
+    assert_eq!(running["tools"][0]["reserved_for"], Value::Null);
+    let stop = r#"{"by":"Eve","reason":"a hand in the way"}"#;
+    assert_eq!(stopped["stop"], value(stop));
+    assert_eq!(stopped["state"], "stopped");
+    assert_eq!(handed_over["tools"][0]["reserved_for"], "Bob");
     let keys = [
         "teleclay/lab-1/session/demo/alive",
         "teleclay/lab-1/session/demo/challenge",

@@ -7,7 +7,7 @@ use teleclay_clay::Clay;
 use teleclay_keeping::Archive;
 use teleclay_proto::SessionId;
 use teleclay_proto::watch::{Level, TelemetrySample};
-use teleclay_session::{EventKind, Exchange, Settings, Snapshot};
+use teleclay_session::{EventKind, Exchange, Release, RequestEnd, Settings, Snapshot};
 use tokio::sync::broadcast;
 
 use crate::doors::Channels;
@@ -192,6 +192,48 @@ fn in_words(kind: &EventKind, before: &Snapshot) -> Option<(Level, String)> {
                 Exchange::UndoneSince { .. } => "strokes were undone".to_owned(),
                 Exchange::Redone { .. } => "a stroke was redone".to_owned(),
             },
+        ),
+        EventKind::Stopped { by, reason } => (
+            Level::Warning,
+            format!("{by} has stopped the session: {reason}"),
+        ),
+        EventKind::StopCleared { by } => (Level::Info, format!("{by} has cleared the stop")),
+        EventKind::Requested { slot, operator } => (
+            Level::Info,
+            format!("{operator} asks for tool {}", tool_id(*slot)),
+        ),
+        EventKind::RequestEnded {
+            slot,
+            operator,
+            because,
+        } => {
+            let why = match because {
+                RequestEnd::Denied { reason } => format!("was denied: {reason}"),
+                RequestEnd::Withdrawn => "was withdrawn".to_owned(),
+                RequestEnd::RanOut => "was not answered".to_owned(),
+            };
+            let tool = tool_id(*slot);
+            (
+                Level::Info,
+                format!("the request of {operator} for tool {tool} {why}"),
+            )
+        }
+        EventKind::ReservationEnded { slot, operator } => (
+            Level::Info,
+            format!("{operator} did not come: tool {} is free", tool_id(*slot)),
+        ),
+        EventKind::Released {
+            slot,
+            operator,
+            because: Release::HandedOver { to },
+            ..
+        } => (
+            Level::Info,
+            format!(
+                "{} handed tool {} over to {to}",
+                operator.name,
+                tool_id(*slot)
+            ),
         ),
         EventKind::Released {
             slot,

@@ -5,7 +5,7 @@ use std::sync::Mutex;
 use teleclay_keeping::Storage;
 use teleclay_proto::frame::Corrections;
 use teleclay_proto::http::{
-    ClayHash, ClayShape, ClayState, CorrectionsState, LoopState, Session, SessionState,
+    ClayHash, ClayShape, ClayState, CorrectionsState, LoopState, Session, SessionState, Stop,
     StorageReport, StorageState, ToolState,
 };
 use teleclay_session::Snapshot;
@@ -74,6 +74,10 @@ pub(crate) fn session(
         axes: settings.spec.axes,
         state: state(&snapshot),
         fault: fault(&snapshot),
+        stop: snapshot.stop.as_ref().map(|stop| Stop {
+            by: stop.by.to_string(),
+            reason: stop.reason.to_string(),
+        }),
         material: settings.spec.material,
         network: settings.spec.network,
         clay: ClayState {
@@ -138,8 +142,12 @@ fn storage(shared: &SessionShared, revision: u64) -> StorageReport {
     }
 }
 
-/// A session whose tools all rest for a fault is in fault; one where somebody works on is not.
+/// A session that was stopped is that and nothing else. One whose tools all rest for a fault is in fault; one where
+/// somebody works on is not.
 fn state(snapshot: &Snapshot) -> SessionState {
+    if snapshot.stop.is_some() {
+        return SessionState::Stopped;
+    }
     let holders = || snapshot.tools.iter().flat_map(|tool| &tool.holder);
     let somebody_works = holders().any(|holder| holder.is_connected && holder.fault.is_none());
     let is_any_in_fault = holders().any(|holder| holder.fault.is_some());
@@ -178,6 +186,8 @@ fn tools(snapshot: &Snapshot, record: &SessionRecord) -> Vec<ToolState> {
                 id: tool_id(slot),
                 operator: holder.map_or_else(String::new, |holder| holder.operator.name.clone()),
                 connected: holder.is_some_and(|holder| holder.is_connected),
+                requests: tool.requests.iter().map(ToString::to_string).collect(),
+                reserved_for: tool.reserved_for.as_deref().map(str::to_owned),
                 position_m: told.map_or(home_m, |told| told.view.position_m),
                 force_n: view.force_n,
                 handle_position_m: view.handle_position_m,

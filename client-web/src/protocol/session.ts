@@ -88,6 +88,8 @@ const toolState = v.object({
   id: v.number(),
   operator: v.string(),
   connected: v.boolean(),
+  requests: v.array(v.string()),
+  reserved_for: v.nullable(v.string()),
   position_m: vector,
   force_n: vector,
   handle_position_m: vector,
@@ -110,6 +112,8 @@ const toolState = v.object({
   }),
 }) satisfies Check<"ToolState">;
 
+const stop = v.object({ by: v.string(), reason: v.string() }) satisfies Check<"Stop">;
+
 const storage = v.object({
   state: v.picklist(["durable", "behind", "failed", "ephemeral"]),
   durable_revision: v.number(),
@@ -122,8 +126,9 @@ export const sessionSchema: v.GenericSchema<unknown, Session> = v.object({
   revision: v.number(),
   scheme,
   axes: v.picklist([2, 3]),
-  state: v.picklist(["idle", "running", "paused", "fault"]),
+  state: v.picklist(["idle", "running", "paused", "fault", "stopped"]),
   fault: v.nullable(v.string()),
+  stop: v.nullable(stop),
   material,
   network,
   clay: v.object({

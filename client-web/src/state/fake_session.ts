@@ -11,6 +11,7 @@ export function fakeSession(change: Partial<Session> = {}): Session {
     axes: 2,
     state: "running",
     fault: null,
+    stop: null,
     material: { viscosity_pa_s_per_m: 2e5, yield_stress_pa: 0, stiffness_pa: 0 },
     network: { up: { ...impairment }, down: { ...impairment } },
     clay: {
@@ -21,7 +22,7 @@ export function fakeSession(change: Partial<Session> = {}): Session {
     tool: { kind: "ball", radius_m: 0.0064 },
     deadband: 0,
     tools: [{
-      id: 1, operator: "Ada", connected: true, position_m: [0, 0, 0], force_n: [0, 0, 0], handle_position_m: [0, 0, 0],
+      id: 1, operator: "Ada", connected: true, requests: [], reserved_for: null, position_m: [0, 0, 0], force_n: [0, 0, 0], handle_position_m: [0, 0, 0],
       felt_force_n: [0, 0, 0], hand_force_n: [0, 0, 0], home_m: [0, 0, 0], copy: "none", hidden_force_n: [0, 0, 0], sweeps_refused: 0, refusal: "none",
       sweeps_acknowledged: 0, sweeps_durable: 0,
       corrections: { count: 0, moved_n: 0, held_n: [0, 0, 0], largest_step_n: 0, injected_j: 0, tank_j: 0 },

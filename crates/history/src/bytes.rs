@@ -1,5 +1,7 @@
 //! Numbers and texts as bytes: small numbers take few.
 
+use std::sync::Arc;
+
 /// Bytes that are not what they should be.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Malformed {
@@ -131,6 +133,10 @@ impl<'a> Reader<'a> {
             why: error.to_string(),
         })?;
         Ok(text.to_owned())
+    }
+
+    pub(crate) fn shared(&mut self, what: &'static str) -> Result<Arc<str>, Malformed> {
+        self.string(what).map(Arc::from)
     }
 
     pub(crate) fn version(&mut self, want: u8) -> Result<u8, Malformed> {

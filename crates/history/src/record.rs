@@ -9,6 +9,10 @@
 //! folded, 0, -1, 1, -2, ...; a *text* is its length and itself. Positions are in steps of the lattice of poses. A cut
 //! that begins where the one before it in the same fact ended says so in a byte; the first never does, so every record
 //! can be read by itself.
+//!
+//! Who asks for a tool is not kept: after a restart nobody waits for the answer any more. That something has changed
+//! is, by its revision, since revisions never fall. A stop is kept, and so is for whom a tool is reserved: otherwise a
+//! server that comes back would give the tool to the one who has just handed it over.
 
 use std::sync::Arc;
 
@@ -48,6 +52,10 @@ const RELEASED: u8 = 8;
 const CONNECTED: u8 = 9;
 const DISCONNECTED: u8 = 10;
 const FAULT: u8 = 11;
+const STOPPED: u8 = 12;
+const STOP_CLEARED: u8 = 13;
+const RESERVATION_ENDED: u8 = 14;
+const PASSED: u8 = 15;
 
 /// What happened in a tick, in its order.
 #[derive(Clone, Debug, PartialEq)]
@@ -91,6 +99,11 @@ pub enum Fact {
         removed_units: u64,
         /// The cuts, in the order in which they were made.
         cuts: Vec<Cut>,
+    },
+    /// Something changed that is of no use after the process.
+    Passed {
+        /// The revision that it made.
+        revision: u64,
     },
     /// Something that the session told.
     Told {
@@ -176,6 +189,10 @@ fn put_told(out: &mut Vec<u8>, revision: u64, kind: &EventKind) {
         EventKind::Connected { .. } => CONNECTED,
         EventKind::Disconnected { .. } => DISCONNECTED,
         EventKind::Fault { .. } => FAULT,
+        EventKind::Stopped { .. } => STOPPED,
+        EventKind::StopCleared { .. } => STOP_CLEARED,
+        EventKind::ReservationEnded { .. } => RESERVATION_ENDED,
+        EventKind::Requested { .. } | EventKind::RequestEnded { .. } => PASSED,
     };
     out.push(code);
     put_number(out, revision);
@@ -221,7 +238,13 @@ fn put_told(out: &mut Vec<u8>, revision: u64, kind: &EventKind) {
                 Release::Left => 0,
                 Release::RanOut => 1,
                 Release::TakenOver => 2,
+                Release::Stopped => 3,
+                Release::HandedOver { .. } => 4,
+                Release::TakenAway => 5,
             });
+            if let Release::HandedOver { to } = because {
+                put_text(out, to.as_bytes());
+            }
         }
         EventKind::Connected { slot } | EventKind::Disconnected { slot } => {
             put_number(out, *slot as u64);
@@ -230,6 +253,16 @@ fn put_told(out: &mut Vec<u8>, revision: u64, kind: &EventKind) {
             put_number(out, *slot as u64);
             put_fault(out, *fault);
         }
+        EventKind::Stopped { by, reason } => {
+            put_text(out, by.as_bytes());
+            put_text(out, reason.as_bytes());
+        }
+        EventKind::StopCleared { by } => put_text(out, by.as_bytes()),
+        EventKind::ReservationEnded { slot, operator } => {
+            put_number(out, *slot as u64);
+            put_text(out, operator.as_bytes());
+        }
+        EventKind::Requested { .. } | EventKind::RequestEnded { .. } => {}
     }
 }
 
@@ -337,6 +370,10 @@ impl Fact {
                     cuts,
                 },
             ),
+            Self::Passed { revision } => {
+                out.push(PASSED);
+                put_number(out, *revision);
+            }
             Self::Told { revision, kind } => put_told(out, *revision, kind),
         }
     }
@@ -360,6 +397,9 @@ impl Fact {
                 ownership_epoch: reader.small("the ownership epoch")?,
             }),
             CUTS => read_cuts(reader),
+            PASSED => Ok(Self::Passed {
+                revision: reader.number("the revision")?,
+            }),
             _ => Ok(Self::Told {
                 revision: reader.number("the revision")?,
                 kind: read_kind(code, reader)?,
@@ -452,6 +492,11 @@ fn read_kind(code: u8, reader: &mut Reader<'_>) -> Result<EventKind, Malformed> 
                     0 => Release::Left,
                     1 => Release::RanOut,
                     2 => Release::TakenOver,
+                    3 => Release::Stopped,
+                    4 => Release::HandedOver {
+                        to: reader.shared("an operator")?,
+                    },
+                    5 => Release::TakenAway,
                     got => return Err(value("a reason", got)),
                 },
             })
@@ -465,6 +510,17 @@ fn read_kind(code: u8, reader: &mut Reader<'_>) -> Result<EventKind, Malformed> 
         FAULT => Ok(EventKind::Fault {
             slot: read_slot(reader)?,
             fault: read_fault(reader)?,
+        }),
+        STOPPED => Ok(EventKind::Stopped {
+            by: reader.shared("who stopped")?,
+            reason: reader.shared("why")?,
+        }),
+        STOP_CLEARED => Ok(EventKind::StopCleared {
+            by: reader.shared("who cleared a stop")?,
+        }),
+        RESERVATION_ENDED => Ok(EventKind::ReservationEnded {
+            slot: read_slot(reader)?,
+            operator: reader.shared("an operator")?,
         }),
         got => Err(value("the kind of a fact", got)),
     }

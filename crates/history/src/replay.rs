@@ -123,6 +123,7 @@ impl Replay {
                     revision: settings.revision,
                     clay_epoch,
                     ownership_epoch,
+                    stop: None,
                     tools: vec![teleclay_session::ToolSnapshot::default(); tools],
                     settings,
                 },
@@ -282,6 +283,10 @@ impl Replay {
                 cuts,
                 ..
             } => self.apply_cuts(tick, slot, decided, removed_units, &cuts),
+            Fact::Passed { revision } => {
+                self.session.revision = revision;
+                Ok(())
+            }
             Fact::Told { revision, kind } => self.apply_told(tick, revision, kind),
         }
     }
@@ -361,8 +366,18 @@ impl Replay {
                 self.strokes.on_other_holder(*slot);
                 self.decided[*slot] = 0;
             }
+            EventKind::Stopped { .. } => {
+                for slot in 0..self.session.tools.len() {
+                    self.strokes.on_other_holder(slot);
+                    self.decided[slot] = 0;
+                }
+            }
+            EventKind::StopCleared { .. } => {}
             EventKind::Connected { slot }
             | EventKind::Disconnected { slot }
+            | EventKind::Requested { slot, .. }
+            | EventKind::RequestEnded { slot, .. }
+            | EventKind::ReservationEnded { slot, .. }
             | EventKind::Fault { slot, .. } => self.check_slot(tick, *slot)?,
         }
         self.session.apply(&Event {

@@ -1,16 +1,24 @@
 //! The state of a session after a record, and its bytes: a snapshot.
-
-use std::sync::Arc;
+//!
+//! Version 2 says besides whether the session is stopped, and for whom a tool is kept. What version 1 has written is
+//! read.
 
 use teleclay_clay::Clay;
-use teleclay_session::{HolderSnapshot, Recovery, Rules, Snapshot, ToolSnapshot};
+use teleclay_session::{HolderSnapshot, Recovery, Rules, Snapshot, StopSnapshot, ToolSnapshot};
 
-use crate::bytes::{Malformed, Reader, put_number};
+use crate::bytes::{Malformed, Reader, put_number, put_text};
 use crate::content;
 use crate::record::{put_fault, put_holder, put_settings, read_fault, read_holder, read_settings};
 use crate::strokes::Strokes;
 
-const VERSION: u8 = 1;
+const VERSION: u8 = 2;
+/// From this version on a snapshot says whether the session is stopped.
+const WITH_STOP: u8 = 2;
+
+const HELD: u8 = 1;
+const CONNECTED: u8 = 2;
+const FAULTY: u8 = 4;
+const RESERVED: u8 = 8;
 
 /// The state of a session but for the motion of its tools.
 #[derive(Clone, Debug)]
@@ -62,6 +70,7 @@ impl State {
             );
             put_tool(&mut out, slot, tool);
         }
+        put_stop(&mut out, state.stop.as_ref());
         self.strokes.put(&mut out);
         content::encode(&mut self.clay, &mut out);
         out
@@ -73,7 +82,7 @@ impl State {
     /// The bytes are none, or a later program wrote them. Whatever they are, nothing panics.
     pub fn decode(bytes: &[u8]) -> Result<Self, Malformed> {
         let mut reader = Reader::new(bytes);
-        reader.version(VERSION)?;
+        let version = reader.version(VERSION)?;
         let tick = reader.number("the tick")?;
         let revision = reader.number("the revision")?;
         let clay_epoch = reader.small("the clay's epoch")?;
@@ -91,6 +100,11 @@ impl State {
                 got: tools.len() as u64,
             });
         }
+        let stop = if version < WITH_STOP {
+            None
+        } else {
+            read_stop(&mut reader)?
+        };
         let strokes = Strokes::read(&mut reader)?;
         let rest = reader.slice(reader.left(), "clay")?;
         Ok(Self {
@@ -100,6 +114,7 @@ impl State {
                 settings,
                 clay_epoch,
                 ownership_epoch,
+                stop,
                 tools,
             },
             next_lease,
@@ -110,32 +125,76 @@ impl State {
     }
 }
 
+fn put_stop(out: &mut Vec<u8>, stop: Option<&StopSnapshot>) {
+    out.push(u8::from(stop.is_some()));
+    if let Some(StopSnapshot { by, reason }) = stop {
+        put_text(out, by.as_bytes());
+        put_text(out, reason.as_bytes());
+    }
+}
+
+fn read_stop(reader: &mut Reader<'_>) -> Result<Option<StopSnapshot>, Malformed> {
+    let what = "whether it is stopped";
+    match reader.byte(what)? {
+        0 => Ok(None),
+        1 => Ok(Some(StopSnapshot {
+            by: reader.shared("who stopped")?,
+            reason: reader.shared("why")?,
+        })),
+        got => Err(Malformed::Value {
+            what,
+            got: got.into(),
+        }),
+    }
+}
+
 fn put_tool(out: &mut Vec<u8>, slot: usize, tool: &ToolSnapshot) {
-    let Some(holder) = &tool.holder else {
-        out.push(0);
-        return;
-    };
-    let is_faulty = holder.fault.is_some();
-    out.push(1 | u8::from(holder.is_connected) << 1 | u8::from(is_faulty) << 2);
-    put_holder(out, slot, holder.lease, &holder.operator);
-    if let Some(fault) = holder.fault {
-        put_fault(out, fault);
+    let holder = tool.holder.as_ref();
+    let flags = [
+        (HELD, holder.is_some()),
+        (CONNECTED, holder.is_some_and(|holder| holder.is_connected)),
+        (FAULTY, holder.is_some_and(|holder| holder.fault.is_some())),
+        (RESERVED, tool.reserved_for.is_some()),
+    ];
+    let flags = flags.iter().filter(|(_, is_set)| *is_set);
+    out.push(flags.fold(0, |all, (flag, _)| all | flag));
+    if let Some(holder) = holder {
+        put_holder(out, slot, holder.lease, &holder.operator);
+        if let Some(fault) = holder.fault {
+            put_fault(out, fault);
+        }
+    }
+    if let Some(operator) = &tool.reserved_for {
+        put_text(out, operator.as_bytes());
     }
 }
 
 fn read_tool(reader: &mut Reader<'_>) -> Result<ToolSnapshot, Malformed> {
     let flags = reader.byte("a tool")?;
-    if flags == 0 {
-        return Ok(ToolSnapshot::default());
+    let is_free = flags & HELD == 0;
+    if (HELD | CONNECTED | FAULTY | RESERVED) < flags || (is_free && flags & !RESERVED != 0) {
+        return Err(Malformed::Value {
+            what: "a tool",
+            got: flags.into(),
+        });
     }
-    let (_, lease, operator) = read_holder(reader)?;
-    let fault = (flags & 4 != 0).then(|| read_fault(reader)).transpose()?;
-    Ok(ToolSnapshot {
-        holder: Some(HolderSnapshot {
+    let holder = if is_free {
+        None
+    } else {
+        let (_, lease, operator) = read_holder(reader)?;
+        let is_faulty = flags & FAULTY != 0;
+        Some(HolderSnapshot {
             lease,
-            operator: Arc::clone(&operator),
-            is_connected: flags & 2 != 0,
-            fault,
-        }),
+            operator,
+            is_connected: flags & CONNECTED != 0,
+            fault: is_faulty.then(|| read_fault(reader)).transpose()?,
+        })
+    };
+    let is_reserved = flags & RESERVED != 0;
+    let reserved_for = is_reserved.then(|| reader.shared("for whom a tool is kept"));
+    Ok(ToolSnapshot {
+        holder,
+        requests: Vec::new(),
+        reserved_for: reserved_for.transpose()?,
     })
 }

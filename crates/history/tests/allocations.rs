@@ -14,7 +14,7 @@ use bench::{Bench, Hand, cutting, engaged_at, patch};
 use teleclay_history::{Ledger, Recorder, Replay, Whose};
 use teleclay_proto::Scheme;
 use teleclay_proto::http::SessionPatch;
-use teleclay_session::{Event, Exchange, Prepared};
+use teleclay_session::{Command, Event, Exchange, Prepared};
 
 thread_local! {
     static CALLS: Cell<Option<u64>> = const { Cell::new(None) };
@@ -143,4 +143,31 @@ fn a_history_touches_no_heap_on_a_tick() {
     outcome.unwrap();
     assert_eq!(count, 0, "an undo");
     assert_eq!(kept.drive(&mut hand, 10), 0, "what follows it");
+
+    let eve = || "Eve".to_owned();
+    let (tool, lease) = (1, None);
+    let by = eve();
+    let reason = "enough".to_owned();
+    for command in [
+        Command::Request {
+            tool,
+            operator: eve(),
+        },
+        Command::Grant {
+            tool,
+            operator: eve(),
+            lease,
+        },
+        bench::join("Eve"),
+        Command::Stop { by, reason },
+        Command::ClearStop { by: eve() },
+    ] {
+        let mut prepared = Prepared::new(&command, kept.bench.session.settings()).unwrap();
+        let (session, now) = (&mut kept.bench.session, kept.bench.now);
+        let (outcome, count) = calls(|| session.handle_command(now, &mut prepared));
+        outcome.unwrap();
+        assert_eq!(count, 0, "{command:?}");
+        assert_eq!(kept.tick(), 0, "the record of {command:?}");
+    }
+    assert_eq!(kept.replay.session().stop, None);
 }

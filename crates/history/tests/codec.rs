@@ -11,10 +11,17 @@ use teleclay_clay::{Pose, Sweep, ToolShape};
 use teleclay_history::{Fact, Record, Recorder, Replay, State, content};
 use teleclay_link::replica::Cut;
 use teleclay_link::safety::{Flaw, Implausible};
-use teleclay_session::{EventKind, Exchange, Operator, Release, Session, Settings};
+use teleclay_link::time::Timestamp;
+use teleclay_session::{
+    EventKind, Exchange, Operator, Release, Rules, Session, Settings, StopSnapshot, ToolSnapshot,
+};
 
 fn operator() -> impl Strategy<Value = Arc<Operator>> {
     (".{1,64}", ".{0,20}").prop_map(|(name, device)| Arc::new(Operator { name, device }))
+}
+
+fn text() -> impl Strategy<Value = Arc<str>> {
+    ".{0,64}".prop_map(Arc::from)
 }
 
 fn settings() -> impl Strategy<Value = Arc<Settings>> {
@@ -39,7 +46,10 @@ fn kinds() -> impl Strategy<Value = EventKind> {
     let because = prop_oneof![
         Just(Release::Left),
         Just(Release::RanOut),
-        Just(Release::TakenOver)
+        Just(Release::TakenOver),
+        Just(Release::Stopped),
+        Just(Release::TakenAway),
+        text().prop_map(|to| Release::HandedOver { to }),
     ];
     prop_oneof![
         settings().prop_map(|settings| EventKind::Changed { settings }),
@@ -70,6 +80,10 @@ fn kinds() -> impl Strategy<Value = EventKind> {
                 because,
             }
         }),
+        (text(), text()).prop_map(|(by, reason)| EventKind::Stopped { by, reason }),
+        text().prop_map(|by| EventKind::StopCleared { by }),
+        (slot(), text())
+            .prop_map(|(slot, operator)| EventKind::ReservationEnded { slot, operator }),
         slot().prop_map(|slot| EventKind::Connected { slot }),
         slot().prop_map(|slot| EventKind::Disconnected { slot }),
         slot().prop_map(|slot| EventKind::Fault {
@@ -115,6 +129,7 @@ fn facts() -> impl Strategy<Value = Fact> {
             }
         ),
         any::<u32>().prop_map(|ownership_epoch| Fact::GoneOn { ownership_epoch }),
+        any::<u64>().prop_map(|revision| Fact::Passed { revision }),
         (any::<u64>(), kinds()).prop_map(|(revision, kind)| Fact::Told { revision, kind }),
     ]
 }
@@ -157,6 +172,56 @@ proptest! {
     }
 }
 
+/// A server that ends in the middle of a stop has kept nothing but the stop: that is enough.
+#[test]
+fn a_stop_whose_releases_were_not_kept_leaves_nobody_with_a_tool_and_nothing_decided() {
+    let session = Session::new(setup(new_session(2)));
+    let first = Recorder::new(2).begin(&session, None).to_vec();
+    let mut replay = Replay::begin(&first, Vec::new()).unwrap();
+    let operator = Arc::new(Operator {
+        name: "Ada".to_owned(),
+        device: "none".to_owned(),
+    });
+    let (slot, lease) = (1, 1);
+    let told = |revision, kind| Fact::Told { revision, kind };
+    let mut apply = |tick, facts| replay.apply(&Record { tick, facts }.encode()).unwrap();
+    let taken = EventKind::Taken {
+        slot,
+        lease,
+        operator,
+    };
+    let cuts = Fact::Cuts {
+        slot,
+        lease,
+        decided: 7,
+        removed_units: 0,
+        cuts: Vec::new(),
+    };
+    apply(1, vec![told(1, taken), cuts]);
+    let stopped = EventKind::Stopped {
+        by: "Eve".into(),
+        reason: "enough".into(),
+    };
+    apply(2, vec![told(2, stopped)]);
+    let mut state = replay.into_state();
+    let tools = &state.session.tools;
+    assert!(tools.iter().all(|tool| tool.holder.is_none()));
+    assert_eq!((&state.decided[..], state.next_lease), (&[0, 0][..], 2));
+    // And so its snapshot says, of a tool that is kept for somebody too.
+    state.session.tools[0].reserved_for = Some("Bob".into());
+    let again = State::decode(&state.encode()).unwrap();
+    assert_eq!(again.session, state.session);
+    let recovered = Session::recover(Timestamp::ZERO, again.into_recovery(Rules::default()));
+    let recovered = recovered.unwrap().snapshot();
+    assert_eq!(recovered.stop, state.session.stop);
+    assert!(
+        recovered
+            .tools
+            .iter()
+            .all(|tool| *tool == ToolSnapshot::default())
+    );
+}
+
 #[test]
 fn a_damaged_snapshot_is_refused_or_is_another_state_and_never_panics() {
     let session = Session::new(setup(new_session(2)));
@@ -168,6 +233,11 @@ fn a_damaged_snapshot_is_refused_or_is_another_state_and_never_panics() {
         from: at,
         to: at,
     });
+    state.session.stop = Some(StopSnapshot {
+        by: "Eve".into(),
+        reason: "enough".into(),
+    });
+    state.session.tools[1].reserved_for = Some("Bob".into());
     let bytes = state.encode();
     let mut again = State::decode(&bytes).unwrap();
     assert_eq!(again.clay.hash(), state.clay.hash());
@@ -181,10 +251,10 @@ fn a_damaged_snapshot_is_refused_or_is_another_state_and_never_panics() {
         }
         assert!(State::decode(&bytes[..at]).is_err());
     }
-    let newer = [&[2_u8][..], &bytes[1..]].concat();
+    let newer = [&[3_u8][..], &bytes[1..]].concat();
     let refusal = State::decode(&newer).unwrap_err().to_string();
     assert_eq!(
         refusal,
-        "version 2 is newer than 1, the newest that this program reads"
+        "version 3 is newer than 2, the newest that this program reads"
     );
 }

@@ -25,6 +25,8 @@ fn a_thousand_histories_are_their_sessions_bit_for_bit_at_every_point_tried() {
     println!("{HISTORIES} histories: {all:?}");
     assert!(10_000 < all.points && 5_000 < all.points_from_snapshots);
     assert!(500 < all.restarts && 300 < all.exchanges && 1_000 < all.fresh_blocks);
+    assert!(200 < all.stops && 50 < all.grants && 1_000 < all.other_manners);
+    assert!(50 < all.points_stopped && 300 < all.points_reserved);
     assert!(100 < all.earlier_bases && 10_000 < all.removing_ticks);
 }
 

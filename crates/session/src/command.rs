@@ -1,5 +1,7 @@
 //! What a session may be asked to do, what comes of it, and why it may refuse.
 
+use std::sync::Arc;
+
 use serde::{Deserialize, Serialize};
 use teleclay_proto::http::{ClayReset, FieldError, SessionPatch};
 
@@ -34,6 +36,66 @@ pub enum Command {
     Leave {
         /// The lease.
         lease: u32,
+    },
+    /// Take every tool from whoever holds it, and give none until the stop is cleared. It is never refused: its words
+    /// are made to fit, and one that comes while another holds leaves that one's words as they are.
+    Stop {
+        /// Who stops.
+        by: String,
+        /// Why, for people.
+        reason: String,
+    },
+    /// Give tools again. Nobody gets one back by it: each operator joins anew.
+    ClearStop {
+        /// Who clears it.
+        by: String,
+    },
+    /// Ask the holder of a tool for it. It is forgotten after [`Rules::request`](crate::Rules::request), and as soon as
+    /// the holder has the tool no longer.
+    Request {
+        /// The tool's number, from 1.
+        tool: u32,
+        /// Who wants it.
+        operator: String,
+    },
+    /// Want a tool no longer.
+    Withdraw {
+        /// The tool's number, from 1.
+        tool: u32,
+        /// Who had asked for it.
+        operator: String,
+    },
+    /// Hand a tool over to an operator who has asked for it. For [`Rules::reservation`](crate::Rules::reservation)
+    /// nobody else gets it.
+    Grant {
+        /// The tool's number, from 1.
+        tool: u32,
+        /// Who has asked for it.
+        operator: String,
+        /// The lease under which the tool is held, where its holder hands it over: so nobody gives away what is
+        /// another's by now.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        lease: Option<u32>,
+    },
+    /// Keep a tool from an operator who has asked for it.
+    Deny {
+        /// The tool's number, from 1.
+        tool: u32,
+        /// Who has asked for it.
+        operator: String,
+        /// Why not, for people.
+        reason: String,
+        /// The lease under which the tool is held, where its holder denies it.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        lease: Option<u32>,
+    },
+    /// Take a tool away from its holder.
+    Release {
+        /// The tool's number, from 1.
+        tool: u32,
+        /// The lease under which it is to be held, so that nobody takes it from another holder than was meant.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        lease: Option<u32>,
     },
 }
 
@@ -89,7 +151,70 @@ pub enum Refusal {
         /// How many tools the session has.
         tools: usize,
     },
-    /// Nobody holds this lease, or no longer.
+    /// The session is stopped.
+    #[error("stopped by {by}: {reason}")]
+    Stopped {
+        /// Who has stopped it.
+        by: Arc<str>,
+        /// Why, for people.
+        reason: Arc<str>,
+    },
+    /// The session is not stopped.
+    #[error("the session is not stopped")]
+    NotStopped,
+    /// No tool is free but one that is kept for somebody else.
+    #[error("the tool that is free is kept for {holder}")]
+    Reserved {
+        /// For whom it is kept.
+        holder: Arc<str>,
+    },
+    /// The session has no tool of this number.
+    #[error("there is no tool {tool}, only 1 to {tools}")]
+    NoSuchTool {
+        /// The number.
+        tool: u32,
+        /// How many tools the session has.
+        tools: usize,
+    },
+    /// Nobody holds this tool.
+    #[error("nobody holds tool {tool}")]
+    NotHeld {
+        /// The tool's number, from 1.
+        tool: u32,
+    },
+    /// Who asks for the tool holds it.
+    #[error("{operator} holds tool {tool} already")]
+    HeldByAsker {
+        /// The tool's number, from 1.
+        tool: u32,
+        /// Who asks.
+        operator: Arc<str>,
+    },
+    /// Who asks for the tool has asked for it already.
+    #[error("{operator} has asked for tool {tool} already")]
+    AskedAlready {
+        /// The tool's number, from 1.
+        tool: u32,
+        /// Who asks.
+        operator: Arc<str>,
+    },
+    /// As many as may have asked for the tool.
+    #[error("{most} operators have asked for tool {tool} already")]
+    TooManyRequests {
+        /// The tool's number, from 1.
+        tool: u32,
+        /// How many may.
+        most: usize,
+    },
+    /// This operator has not asked for this tool, or it was forgotten.
+    #[error("{operator} has not asked for tool {tool}")]
+    NoSuchRequest {
+        /// The tool's number, from 1.
+        tool: u32,
+        /// Who should have.
+        operator: Arc<str>,
+    },
+    /// Nobody holds this lease, or no longer; or not of this tool.
     #[error("nobody holds lease {lease}")]
     NoSuchLease {
         /// The lease.

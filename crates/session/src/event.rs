@@ -75,6 +75,42 @@ pub enum EventKind {
         /// The tool's slot, from 0.
         slot: usize,
     },
+    /// The session is stopped. Every tool that was held is released next, and what was asked for or reserved is
+    /// forgotten.
+    Stopped {
+        /// Who has stopped it.
+        by: Arc<str>,
+        /// Why, for people.
+        reason: Arc<str>,
+    },
+    /// The session is stopped no longer.
+    StopCleared {
+        /// Who has cleared the stop.
+        by: Arc<str>,
+    },
+    /// Somebody asks the holder of a tool for it.
+    Requested {
+        /// The tool's slot, from 0.
+        slot: usize,
+        /// Who asks.
+        operator: Arc<str>,
+    },
+    /// Somebody asks for a tool no longer, and it was not given.
+    RequestEnded {
+        /// The tool's slot, from 0.
+        slot: usize,
+        /// Who had asked.
+        operator: Arc<str>,
+        /// Why no longer.
+        because: RequestEnd,
+    },
+    /// A tool is kept for nobody any more: the one for whom it was has not come.
+    ReservationEnded {
+        /// The tool's slot, from 0.
+        slot: usize,
+        /// For whom it was kept.
+        operator: Arc<str>,
+    },
     /// A value put a tool into fault: it rests until somebody joins with it anew, or there is a fresh block.
     Fault {
         /// The tool's slot, from 0.
@@ -104,8 +140,22 @@ pub enum Exchange {
     },
 }
 
+/// Why a request for a tool has ended, where the tool is still held by the same operator.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum RequestEnd {
+    /// The holder, or somebody who may, has denied it.
+    Denied {
+        /// Why, for people.
+        reason: Arc<str>,
+    },
+    /// Who asked wants it no longer.
+    Withdrawn,
+    /// Nobody has answered for as long as a request lasts.
+    RanOut,
+}
+
 /// Why a lease has ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Release {
     /// The holder said goodbye.
     Left,
@@ -113,15 +163,27 @@ pub enum Release {
     RanOut,
     /// Another operator asked for a tool, and this holder had fallen silent.
     TakenOver,
+    /// The session was stopped.
+    Stopped,
+    /// The tool was handed over to an operator who had asked for it, and is kept for that one.
+    HandedOver {
+        /// To whom.
+        to: Arc<str>,
+    },
+    /// Somebody who may has taken the tool away.
+    TakenAway,
 }
 
 impl Release {
     /// What became of the holder, for a sentence that begins with the operator's name.
-    pub const fn words(self) -> &'static str {
+    pub const fn words(&self) -> &'static str {
         match self {
             Self::Left => "left",
             Self::RanOut => "was silent for too long",
             Self::TakenOver => "was silent, and another operator asked for the tool",
+            Self::Stopped => "was stopped",
+            Self::HandedOver { .. } => "handed the tool over",
+            Self::TakenAway => "had the tool taken away",
         }
     }
 }
@@ -139,8 +201,19 @@ pub struct Snapshot {
     pub clay_epoch: u32,
     /// Counts the servers that have run the session, from 1.
     pub ownership_epoch: u32,
+    /// Who has stopped it, and why, while it is stopped.
+    pub stop: Option<StopSnapshot>,
     /// Every tool, held or free.
     pub tools: Vec<ToolSnapshot>,
+}
+
+/// A stop that holds.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct StopSnapshot {
+    /// Who has stopped the session.
+    pub by: Arc<str>,
+    /// Why, for people.
+    pub reason: Arc<str>,
 }
 
 /// A tool's state.
@@ -148,6 +221,10 @@ pub struct Snapshot {
 pub struct ToolSnapshot {
     /// Who holds it, if anybody does.
     pub holder: Option<HolderSnapshot>,
+    /// Who has asked the holder for it, the first one first.
+    pub requests: Vec<Arc<str>>,
+    /// For whom it is kept, if it is for anybody; nobody holds it then.
+    pub reserved_for: Option<Arc<str>>,
 }
 
 /// Who holds a tool.
@@ -189,14 +266,40 @@ impl Snapshot {
                 lease,
                 operator,
             } => {
-                self.tools[*slot].holder = Some(HolderSnapshot {
-                    lease: *lease,
-                    operator: Arc::clone(operator),
-                    is_connected: false,
-                    fault: None,
-                });
+                self.tools[*slot] = ToolSnapshot {
+                    holder: Some(HolderSnapshot {
+                        lease: *lease,
+                        operator: Arc::clone(operator),
+                        is_connected: false,
+                        fault: None,
+                    }),
+                    ..ToolSnapshot::default()
+                };
             }
-            EventKind::Released { slot, .. } => self.tools[*slot].holder = None,
+            EventKind::Released { slot, because, .. } => {
+                self.tools[*slot] = ToolSnapshot {
+                    reserved_for: match because {
+                        Release::HandedOver { to } => Some(Arc::clone(to)),
+                        _ => None,
+                    },
+                    ..ToolSnapshot::default()
+                };
+            }
+            EventKind::Stopped { by, reason } => {
+                self.stop = Some(StopSnapshot {
+                    by: Arc::clone(by),
+                    reason: Arc::clone(reason),
+                });
+                self.tools.fill(ToolSnapshot::default());
+            }
+            EventKind::StopCleared { .. } => self.stop = None,
+            EventKind::Requested { slot, operator } => {
+                self.tools[*slot].requests.push(Arc::clone(operator));
+            }
+            EventKind::RequestEnded { slot, operator, .. } => {
+                self.tools[*slot].requests.retain(|asked| asked != operator);
+            }
+            EventKind::ReservationEnded { slot, .. } => self.tools[*slot].reserved_for = None,
             EventKind::Connected { slot } => self.set_connected(*slot, true),
             EventKind::Disconnected { slot } => self.set_connected(*slot, false),
             EventKind::Fault { slot, fault } => {

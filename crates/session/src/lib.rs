@@ -10,7 +10,7 @@
 //! | [`recovery`] | a session that goes on where an earlier server of it has ended |
 //! | [`event`] | what a session tells of itself, and the fold that makes its state of it |
 //! | [`settings`] | what a session was told to be, and the loop parameters that follow |
-//! | [`rules`] | who gets which tool, and when a lease ends |
+//! | [`rules`] | who gets which tool, when a lease ends, and how long a request or a reservation lasts |
 //!
 //! REST, WebSocket texts and Zenoh queries all speak [`Command`]; logs, watchers and metrics all hear [`Event`]s.
 //! Neither knows a rule.
@@ -26,12 +26,16 @@ pub mod recovery;
 pub mod rules;
 pub mod settings;
 
+mod requests;
 mod session;
 mod slot;
 
 pub use command::{Command, Operator, Outcome, Refusal};
 pub use cuts::ToolCuts;
-pub use event::{Event, EventKind, Exchange, HolderSnapshot, Release, Snapshot, ToolSnapshot};
+pub use event::{
+    Event, EventKind, Exchange, HolderSnapshot, Release, RequestEnd, Snapshot, StopSnapshot,
+    ToolSnapshot,
+};
 pub use prepare::{ExchangedClay, Prepared};
 pub use recovery::Recovery;
 pub use rules::Rules;

@@ -10,10 +10,10 @@ use teleclay_bilateral::{LoopModel, ToolSide, tool_setup};
 use teleclay_clay::{Clay, Material, ToolShape};
 use teleclay_link::replica::ToolSetup;
 use teleclay_link::scheme::{ToolController, tool_controller};
-use teleclay_proto::http::FieldError;
+use teleclay_proto::http::{FieldError, MAX_TOOLS, Stop, check_name, check_reason};
 
 use crate::command::{Command, Operator, Refusal};
-use crate::event::Exchange;
+use crate::event::{Exchange, StopSnapshot};
 use crate::settings::{Lines, Settings};
 
 /// A command with everything that it needs. After it was carried out, it holds what it has replaced.
@@ -34,6 +34,52 @@ pub(crate) enum Parts {
         lease: u32,
         side: Option<Box<ToolSide>>,
     },
+    Stop(Box<StopParts>),
+    ClearStop {
+        by: Arc<str>,
+        /// Gets the stop that was.
+        before: Option<StopSnapshot>,
+    },
+    Control(Box<ControlParts>),
+}
+
+pub(crate) struct StopParts {
+    pub(crate) by: Arc<str>,
+    pub(crate) reason: Arc<str>,
+    /// Gets the sides that were held. Has room for every tool.
+    pub(crate) sides: Vec<Box<ToolSide>>,
+    /// Gets the names for whom tools were kept. Has room for every tool.
+    pub(crate) names: Vec<Arc<str>>,
+}
+
+/// What is wanted of one tool.
+pub(crate) struct ControlParts {
+    /// Its number, from 1.
+    pub(crate) tool: u32,
+    /// The lease under which it has to be held, if it matters.
+    pub(crate) lease: Option<u32>,
+    pub(crate) wish: Wish,
+    /// Gets the side that was held.
+    pub(crate) side: Option<Box<ToolSide>>,
+    /// Gets a name that is of no use any more.
+    pub(crate) name: Option<Arc<str>>,
+}
+
+pub(crate) enum Wish {
+    Request {
+        operator: Arc<str>,
+    },
+    Withdraw {
+        operator: Arc<str>,
+    },
+    Grant {
+        operator: Arc<str>,
+    },
+    Deny {
+        operator: Arc<str>,
+        reason: Arc<str>,
+    },
+    Release,
 }
 
 pub(crate) struct PatchParts {
@@ -83,6 +129,8 @@ pub(crate) struct JoinParts {
     pub(crate) operator: Arc<Operator>,
     /// The side for the operator; afterwards the side of whoever held the tool before, if anybody did.
     pub(crate) side: Option<Box<ToolSide>>,
+    /// Gets the name for whom the tool was kept.
+    pub(crate) name: Option<Arc<str>>,
 }
 
 impl Prepared {
@@ -121,14 +169,50 @@ impl Prepared {
                 return Ok(Self::join(operator, side, Some(settings.revision)));
             }
             Command::Leave { lease } => {
-                return Ok(Self {
-                    prepared_from: None,
-                    asked_by: None,
-                    parts: Parts::Leave {
-                        lease: *lease,
-                        side: None,
-                    },
-                });
+                return Ok(Self::of_any_settings(Parts::Leave {
+                    lease: *lease,
+                    side: None,
+                }));
+            }
+            Command::Stop { by, reason } => return Ok(Self::stop(by, reason)),
+            Command::ClearStop { by } => {
+                check_name("/by", by).map_err(Refusal::Field)?;
+                return Ok(Self::of_any_settings(Parts::ClearStop {
+                    by: by.as_str().into(),
+                    before: None,
+                }));
+            }
+            Command::Request { tool, operator } => {
+                let operator = name(operator)?;
+                return Ok(Self::control(*tool, None, Wish::Request { operator }));
+            }
+            Command::Withdraw { tool, operator } => {
+                let operator = name(operator)?;
+                return Ok(Self::control(*tool, None, Wish::Withdraw { operator }));
+            }
+            Command::Grant {
+                tool,
+                operator,
+                lease,
+            } => {
+                let operator = name(operator)?;
+                return Ok(Self::control(*tool, *lease, Wish::Grant { operator }));
+            }
+            Command::Deny {
+                tool,
+                operator,
+                reason,
+                lease,
+            } => {
+                check_reason("/reason", reason).map_err(Refusal::Field)?;
+                let wish = Wish::Deny {
+                    operator: name(operator)?,
+                    reason: reason.as_str().into(),
+                };
+                return Ok(Self::control(*tool, *lease, wish));
+            }
+            Command::Release { tool, lease } => {
+                return Ok(Self::control(*tool, *lease, Wish::Release));
             }
         };
         Ok(Self {
@@ -136,6 +220,36 @@ impl Prepared {
             asked_by: None,
             parts,
         })
+    }
+
+    /// A stop. It needs no settings, and its words are made to fit: whoever has no time for more takes this.
+    pub fn stop(by: &str, reason: &str) -> Self {
+        let Stop { by, reason } = Stop::fitting(by, reason);
+        Self::of_any_settings(Parts::Stop(Box::new(StopParts {
+            by: by.into(),
+            reason: reason.into(),
+            sides: Vec::with_capacity(MAX_TOOLS.into()),
+            names: Vec::with_capacity(MAX_TOOLS.into()),
+        })))
+    }
+
+    fn control(tool: u32, lease: Option<u32>, wish: Wish) -> Self {
+        Self::of_any_settings(Parts::Control(Box::new(ControlParts {
+            tool,
+            lease,
+            wish,
+            side: None,
+            name: None,
+        })))
+    }
+
+    /// Whatever the settings are by then.
+    fn of_any_settings(parts: Parts) -> Self {
+        Self {
+            prepared_from: None,
+            asked_by: None,
+            parts,
+        }
     }
 
     /// A fresh block that the caller has made, with the settings that hold from then on, made from those of revision
@@ -207,6 +321,7 @@ impl Prepared {
             parts: Parts::Join(Box::new(JoinParts {
                 operator: Arc::new(operator.clone()),
                 side: Some(Box::new(side)),
+                name: None,
             })),
         }
     }
@@ -232,6 +347,12 @@ fn controllers(settings: &Settings) -> Result<(Controllers, Option<Arc<ToolSetup
         .map(|_| tool_controller(settings.parameters.scheme, context))
         .collect();
     Ok((controllers, Some(Arc::clone(&context.setup))))
+}
+
+/// An operator's name, checked as that of a join is.
+fn name(operator: &str) -> Result<Arc<str>, Refusal> {
+    check_name("/operator", operator).map_err(Refusal::Field)?;
+    Ok(operator.into())
 }
 
 fn no_loop(error: teleclay_bilateral::ParameterError) -> Refusal {

@@ -30,6 +30,9 @@ impl Session {
     /// epoch more. Every tool rests at home until its holder is heard; a holder who is not heard loses the tool by the
     /// same rules as any other. What the line to each did with frames begins anew.
     ///
+    /// A session that was stopped is stopped, and nobody holds a tool of it. A tool that was kept for somebody is kept,
+    /// and its time begins anew; who had asked for one is forgotten.
+    ///
     /// # Errors
     /// The settings make no loop: they were never those of a session.
     pub fn recover(now: Timestamp, recovery: Recovery) -> Result<Self, ParameterError> {
@@ -51,8 +54,15 @@ impl Session {
             ownership_epoch: state.ownership_epoch.wrapping_add(1),
         });
         session.go_on_from(now, state.tick, state.revision, state.clay_epoch);
+        if let Some(stop) = state.stop {
+            session.put_stop(stop);
+            return Ok(session);
+        }
         for (slot, tool) in state.tools.into_iter().enumerate() {
-            let Some(was) = tool.holder else { continue };
+            let Some(was) = tool.holder else {
+                session.put_reservation(now, slot, tool.reserved_for);
+                continue;
+            };
             let mut side = Box::new(ToolSide::new(&parameters, was.lease)?);
             side.attach(was.lease, session.ownership_epoch(), session.generation());
             side.resume(decided.get(slot).copied().unwrap_or(0), was.fault);

@@ -5,6 +5,9 @@
 //! - A holder has fallen silent when no frame has come for [`Rules::takeover_after`], and has had
 //!   [`Rules::first_frame_within`] since the lease began to send a first one.
 //! - A lease ends when its holder says goodbye, or [`Rules::lease`] after the last frame.
+//! - A tool that was handed over is kept for [`Rules::reservation`]: the operator for whom it is gets it before any
+//!   other, and nobody else gets it, not even the one who held it.
+//! - Who asks for a tool is forgotten after [`Rules::request`].
 
 use std::time::Duration;
 
@@ -17,6 +20,10 @@ pub struct Rules {
     pub takeover_after: Duration,
     /// A new holder's silence does not count before this much time has passed.
     pub first_frame_within: Duration,
+    /// A request for a tool is forgotten after this much time.
+    pub request: Duration,
+    /// A tool that was handed over is kept for so long.
+    pub reservation: Duration,
 }
 
 impl Default for Rules {
@@ -28,6 +35,10 @@ impl Default for Rules {
             takeover_after: Duration::from_millis(150),
             // Longer than a handle takes to open its device and to hear of its lease over a poor line.
             first_frame_within: Duration::from_secs(1),
+            // Long enough to finish a stroke and look up; soon enough that nobody grants what is wanted no longer.
+            request: Duration::from_secs(30),
+            // Long enough to take hold of a handle; as long as a lease without a frame.
+            reservation: Duration::from_secs(10),
         }
     }
 }
@@ -47,15 +58,44 @@ pub(crate) struct Held<'a> {
     pub(crate) is_awaited: bool,
 }
 
+/// A place among the tools, as the rules see it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Place<'a> {
+    Free,
+    /// Nobody holds it, and it is kept for this operator.
+    ReservedFor(&'a str),
+    Held(Held<'a>),
+}
+
+/// What somebody gets who asks for a tool.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Given {
+    /// The tool in this slot.
+    Slot(usize),
+    /// None: the tool in this slot is free, but kept for somebody else.
+    KeptFromYou(usize),
+    /// None: others hold them all.
+    Nothing,
+}
+
 impl Rules {
-    /// The slot that `operator` gets, if there is one to be given.
+    /// What `operator` gets.
     pub(crate) fn slot_for<'a>(
         &self,
         operator: &str,
-        slots: impl Iterator<Item = Option<Held<'a>>>,
-    ) -> Option<usize> {
-        let (mut own, mut free, mut silent) = (None, None, None);
-        for (slot, held) in slots.enumerate() {
+        slots: impl Iterator<Item = Place<'a>>,
+    ) -> Given {
+        let (mut own, mut free, mut silent, mut kept) = (None, None, None, None);
+        for (slot, place) in slots.enumerate() {
+            let held = match place {
+                Place::ReservedFor(name) if name == operator => return Given::Slot(slot),
+                Place::ReservedFor(_) => {
+                    kept = kept.or(Some(slot));
+                    continue;
+                }
+                Place::Free => None,
+                Place::Held(held) => Some(held),
+            };
             match held {
                 None => free = free.or(Some(slot)),
                 // A server that has just begun has nobody's frames yet: who asks by that name is who was there.
@@ -71,7 +111,16 @@ impl Rules {
                 Some(_) => {}
             }
         }
-        own.or(free).or(silent)
+        match (own.or(free).or(silent), kept) {
+            (Some(slot), _) => Given::Slot(slot),
+            (None, Some(slot)) => Given::KeptFromYou(slot),
+            (None, None) => Given::Nothing,
+        }
+    }
+
+    /// Whether a request for a tool that is so old is forgotten.
+    pub(crate) fn is_forgotten(&self, age: Duration) -> bool {
+        self.request < age
     }
 
     /// Whether a lease is over because its holder was not heard for too long.
@@ -92,25 +141,46 @@ mod tests {
 
     const LONG_AGO: Duration = Duration::from_secs(60);
 
-    fn held(operator: &str, silence_ms: u64) -> Option<Held<'_>> {
-        Some(Held {
+    fn held(operator: &str, silence_ms: u64) -> Place<'_> {
+        Place::Held(silent(operator, silence_ms))
+    }
+
+    fn silent(operator: &str, silence_ms: u64) -> Held<'_> {
+        Held {
             operator,
             is_connected: silence_ms <= 100,
             silence: Duration::from_millis(silence_ms),
             held_for: LONG_AGO,
             is_awaited: false,
-        })
+        }
     }
 
-    fn given(slots: &[Option<Held<'_>>]) -> Option<usize> {
-        Rules::default().slot_for("Ada", slots.iter().copied())
+    fn given(slots: &[Place<'_>]) -> Option<usize> {
+        match Rules::default().slot_for("Ada", slots.iter().copied()) {
+            Given::Slot(slot) => Some(slot),
+            Given::KeptFromYou(_) | Given::Nothing => None,
+        }
+    }
+
+    #[test]
+    fn a_reservation_wins_over_every_other_rule() {
+        let (own, strangers) = (held("Ada", 200), held("Bob", 200));
+        let (mine, hers) = (Place::ReservedFor("Ada"), Place::ReservedFor("Eve"));
+        assert_eq!(given(&[own, Place::Free, strangers, mine]), Some(3));
+        assert_eq!(given(&[hers, own]), Some(1));
+        assert_eq!(given(&[hers, Place::Free]), Some(1));
+        assert_eq!(given(&[hers, strangers]), Some(1));
+        let told = |slots: &[Place<'_>]| Rules::default().slot_for("Ada", slots.iter().copied());
+        assert_eq!(told(&[held("Bob", 1), hers]), Given::KeptFromYou(1));
+        assert_eq!(told(&[held("Bob", 1)]), Given::Nothing);
     }
 
     #[test]
     fn an_operator_gets_the_own_tool_back_before_a_free_one_and_that_before_a_strangers() {
         let (own, strangers, busy) = (held("Ada", 200), held("Bob", 200), held("Bob", 1));
-        assert_eq!(given(&[busy, strangers, None, own]), Some(3));
-        assert_eq!(given(&[busy, strangers, None]), Some(2));
+        let free = Place::Free;
+        assert_eq!(given(&[busy, strangers, free, own]), Some(3));
+        assert_eq!(given(&[busy, strangers, free]), Some(2));
         assert_eq!(given(&[busy, strangers]), Some(1));
         assert_eq!(given(&[busy]), None);
         assert_eq!(given(&[]), None);
@@ -125,10 +195,9 @@ mod tests {
     #[test]
     fn a_new_holder_has_a_second_for_the_first_frame() {
         let new = |age_ms| {
-            held("Bob", age_ms).map(|held| Held {
+            Place::Held(Held {
                 held_for: Duration::from_millis(age_ms),
-                is_awaited: false,
-                ..held
+                ..silent("Bob", age_ms)
             })
         };
         assert_eq!(given(&[new(1000)]), None);
@@ -138,7 +207,7 @@ mod tests {
     #[test]
     fn a_lease_runs_out_after_ten_seconds_without_a_frame() {
         let rules = Rules::default();
-        let after = |silence_ms| rules.has_run_out(&held("Bob", silence_ms).unwrap());
+        let after = |silence_ms| rules.has_run_out(&silent("Bob", silence_ms));
         assert!(!after(10_000));
         assert!(after(10_001));
     }

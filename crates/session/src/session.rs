@@ -1,6 +1,7 @@
-//! The machine. What changes it between two ticks stands in [`changes`].
+//! The machine. What changes it between two ticks stands in [`changes`] and [`manners`].
 
 mod changes;
+mod manners;
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -17,7 +18,7 @@ use teleclay_proto::http::MAX_TOOLS;
 
 use crate::command::{Command, Outcome, Refusal};
 use crate::cuts::{Cuts, ToolCuts};
-use crate::event::{Event, EventKind, Release, Snapshot, ToolSnapshot};
+use crate::event::{Event, EventKind, Release, Snapshot, StopSnapshot};
 use crate::prepare::{Parts, Prepared};
 use crate::rules::Rules;
 use crate::settings::{Lines, Settings};
@@ -27,6 +28,9 @@ use crate::slot::ToolSlot;
 const EVENTS_WAITING: usize = 256;
 /// Events that one command, or one tool in one tick, can bring at most.
 const EVENTS_AT_ONCE: usize = 3;
+/// Events of a stop: its own, and one for every tool. Nothing else gets their room, so a stop always finds it: it is
+/// cleared by a command that waits until the room is there again.
+const EVENTS_OF_A_STOP: usize = 1 + MAX_TOOLS as usize;
 /// Cuts that one tool makes in one tick at most.
 const CUTS_AT_ONCE: usize = teleclay_bilateral::CUTS_A_TICK;
 
@@ -69,6 +73,8 @@ pub struct Session {
     clay_epoch: u32,
     ownership_epoch: u32,
     next_lease: u32,
+    /// Nobody holds a tool, and nobody gets one, while there is one.
+    stop: Option<StopSnapshot>,
     /// Counts of holders who have gone.
     departed: ArrivalCounts,
     /// Cuts of one tool on their way to the others.
@@ -124,12 +130,13 @@ impl Session {
             clay_epoch: 1,
             ownership_epoch,
             next_lease: first_lease.max(1),
+            stop: None,
             departed: ArrivalCounts::default(),
             cuts: Vec::with_capacity(CUTS_AT_ONCE),
             made: Cuts::new(tools, 0),
             storage: Storage::Ready,
             journal: Journal::None,
-            events: VecDeque::with_capacity(EVENTS_WAITING + EVENTS_AT_ONCE),
+            events: VecDeque::with_capacity(EVENTS_WAITING + EVENTS_OF_A_STOP),
             retired: Vec::with_capacity(tools),
             leaving: ToolFrame::default(),
             next_to_transmit: 0,
@@ -140,6 +147,8 @@ impl Session {
     /// Carries a command out, or leaves everything as it is. Either way `prepared` then holds what is to be dropped
     /// elsewhere.
     ///
+    /// A stop is never refused. One that comes while another holds changes nothing, and succeeds.
+    ///
     /// # Errors
     /// Why the command was refused. Nothing has changed then, and no event is told.
     pub fn handle_command(
@@ -147,7 +156,8 @@ impl Session {
         now: Timestamp,
         prepared: &mut Prepared,
     ) -> Result<Outcome, Refusal> {
-        if !self.has_room_for(EVENTS_AT_ONCE) {
+        let is_stop = matches!(prepared.parts, Parts::Stop(_));
+        if !is_stop && !self.has_room_for(EVENTS_AT_ONCE) {
             return Err(Refusal::Busy);
         }
         if let Some(prepared_from) = prepared.prepared_from
@@ -178,6 +188,18 @@ impl Session {
             Parts::Leave { lease, side } => {
                 let slot = self.slot_of(*lease)?;
                 *side = self.release(slot, Release::Left);
+                None
+            }
+            Parts::Stop(parts) => {
+                self.stop(parts);
+                None
+            }
+            Parts::ClearStop { by, before } => {
+                *before = Some(self.clear_stop(by)?);
+                None
+            }
+            Parts::Control(parts) => {
+                self.control(now, parts)?;
                 None
             }
         };
@@ -224,6 +246,7 @@ impl Session {
         }
         for number in 0..self.slots.len() {
             self.follow_holder(number);
+            self.forget_old(number);
         }
         self.next_to_transmit = 0;
     }
@@ -287,13 +310,8 @@ impl Session {
             settings: Arc::clone(&self.settings),
             clay_epoch: self.clay_epoch,
             ownership_epoch: self.ownership_epoch,
-            tools: self
-                .slots
-                .iter()
-                .map(|slot| ToolSnapshot {
-                    holder: slot.snapshot(),
-                })
-                .collect(),
+            stop: self.stop.clone(),
+            tools: self.slots.iter().map(ToolSlot::snapshot).collect(),
         }
     }
 

@@ -11,8 +11,9 @@ use teleclay_link::time::Timestamp;
 use teleclay_proto::frame::{HandleFrame, ToolFrame};
 
 use crate::command::Operator;
-use crate::event::HolderSnapshot;
-use crate::rules::Held;
+use crate::event::{HolderSnapshot, ToolSnapshot};
+use crate::requests::Requests;
+use crate::rules::{Held, Place};
 use crate::settings::Lines;
 
 /// Frames in flight on one line at most: two seconds of delay at 1 kHz, every one of them doubled.
@@ -35,8 +36,18 @@ pub(crate) struct Holder {
     pub(crate) fault: Option<Implausible>,
 }
 
+/// For whom a tool is kept that nobody holds.
+pub(crate) struct Reservation {
+    pub(crate) operator: Arc<str>,
+    pub(crate) since: Timestamp,
+}
+
 pub(crate) struct ToolSlot {
     pub(crate) holder: Option<Holder>,
+    /// Who has asked the holder for it; empty where there is none.
+    pub(crate) requests: Requests,
+    /// Nobody holds it then.
+    pub(crate) reserved: Option<Reservation>,
     pub(crate) up: Conditioner<HandleFrame>,
     pub(crate) down: Conditioner<ToolFrame>,
     pub(crate) last: ToolStep,
@@ -50,6 +61,8 @@ impl ToolSlot {
         let number = number as u64;
         Self {
             holder: None,
+            requests: Requests::new(),
+            reserved: None,
             up: Conditioner::new(lines.up, lines.up_seed.wrapping_add(number), LINE_CAPACITY),
             down: Conditioner::new(
                 lines.down,
@@ -123,12 +136,27 @@ impl ToolSlot {
         })
     }
 
-    pub(crate) fn snapshot(&self) -> Option<HolderSnapshot> {
-        self.holder.as_ref().map(|holder| HolderSnapshot {
+    /// As the rules see it.
+    pub(crate) fn place(&self, now: Timestamp) -> Place<'_> {
+        match (self.held(now), &self.reserved) {
+            (Some(held), _) => Place::Held(held),
+            (None, Some(reserved)) => Place::ReservedFor(&reserved.operator),
+            (None, None) => Place::Free,
+        }
+    }
+
+    pub(crate) fn snapshot(&self) -> ToolSnapshot {
+        let holder = self.holder.as_ref().map(|holder| HolderSnapshot {
             lease: holder.lease,
             operator: Arc::clone(&holder.operator),
             is_connected: holder.was_connected,
             fault: holder.fault,
-        })
+        });
+        let reserved = self.reserved.as_ref();
+        ToolSnapshot {
+            holder,
+            requests: self.requests.names().cloned().collect(),
+            reserved_for: reserved.map(|reserved| Arc::clone(&reserved.operator)),
+        }
     }
 }

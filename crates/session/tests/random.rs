@@ -18,7 +18,9 @@ use teleclay_proto::frame::{
 use teleclay_proto::http::{
     ClayReset, ClayShape, ImpairmentPatch, MaterialPatch, NetworkPatch, SessionPatch,
 };
-use teleclay_session::{Command, Event, EventKind, Operator, Session, Snapshot};
+use teleclay_session::{
+    Command, Event, EventKind, Operator, Release, RequestEnd, Session, Snapshot,
+};
 
 const TOOLS: u8 = 3;
 /// Cases, and what happens in each.
@@ -122,6 +124,31 @@ fn commands() -> impl Strategy<Value = Command> {
         1 => reset,
         4 => join,
         1 => any::<u32>().prop_map(|lease| Command::Leave { lease }),
+        4 => manners(),
+    ]
+}
+
+/// Stops, and what is asked of one tool; of tools that there are and that there are not.
+fn manners() -> impl Strategy<Value = Command> {
+    let name = || {
+        prop_oneof![
+            9 => (0..5_u8).prop_map(|number| format!("operator {number}")),
+            1 => Just(String::new())
+        ]
+    };
+    let tool = || 0..u32::from(TOOLS) + 2;
+    let lease = || prop::option::weighted(0.1, any::<u32>());
+    prop_oneof![
+        1 => (name(), name()).prop_map(|(by, reason)| Command::Stop { by, reason }),
+        4 => name().prop_map(|by| Command::ClearStop { by }),
+        8 => (tool(), name()).prop_map(|(tool, operator)| Command::Request { tool, operator }),
+        2 => (tool(), name()).prop_map(|(tool, operator)| Command::Withdraw { tool, operator }),
+        6 => (tool(), name(), lease())
+            .prop_map(|(tool, operator, lease)| Command::Grant { tool, operator, lease }),
+        2 => (tool(), name(), name(), lease()).prop_map(
+            |(tool, operator, reason, lease)| Command::Deny { tool, operator, reason, lease }
+        ),
+        1 => (tool(), lease()).prop_map(|(tool, lease)| Command::Release { tool, lease }),
     ]
 }
 
@@ -141,7 +168,7 @@ fn steps() -> impl Strategy<Value = Step> {
         1 => Just(Kind::NotANumber),
     ];
     prop_oneof![
-        2 => commands().prop_map(Step::Command),
+        3 => commands().prop_map(Step::Command),
         1 => slot.clone().prop_map(Step::Leave),
         1 => slot.clone().prop_map(Step::Fresh),
         40 => (slot, kind, [-0.02..0.02_f64, -0.02..0.02_f64, -0.01..0.0_f64])
@@ -216,6 +243,12 @@ struct Counts {
     resets: u64,
     joins: u64,
     leaves: u64,
+    stops: u64,
+    clears: u64,
+    requests: u64,
+    ended_requests: u64,
+    grants: u64,
+    taken_away: u64,
 }
 
 impl World {
@@ -276,15 +309,19 @@ impl World {
 
     fn command(&mut self, command: &Command) {
         let before = self.first.session.revision();
+        let was_stopped = self.first.session.snapshot().stop.is_some();
         let outcome = self.first.session.carry_out(self.now, command);
         let after = self.first.session.revision();
         let Ok(outcome) = outcome else {
             assert_eq!(before, after);
             assert_eq!(self.first.session.poll_event(), None);
+            assert!(!matches!(command, Command::Stop { .. }), "stopping fails");
             self.refused += 1;
             return;
         };
-        assert!(before < after && outcome.revision == after);
+        // Of two stops the second changes nothing.
+        let is_told = !(was_stopped && matches!(command, Command::Stop { .. }));
+        assert_eq!((before < after, outcome.revision), (is_told, after));
         let twins = self.twin.session.carry_out(self.now, command);
         assert_eq!(twins.as_ref(), Ok(&outcome));
         match command {
@@ -301,6 +338,14 @@ impl World {
                 self.sweeps[granted.slot] = 0;
             }
             Command::Leave { .. } => self.carried_out.leaves += 1,
+            Command::Stop { .. } => self.carried_out.stops += u64::from(is_told),
+            Command::ClearStop { .. } => self.carried_out.clears += 1,
+            Command::Request { .. } => self.carried_out.requests += 1,
+            Command::Withdraw { .. } | Command::Deny { .. } => {
+                self.carried_out.ended_requests += 1;
+            }
+            Command::Grant { .. } => self.carried_out.grants += 1,
+            Command::Release { .. } => self.carried_out.taken_away += 1,
         }
     }
 
@@ -390,6 +435,14 @@ impl World {
             ..session.snapshot()
         };
         assert_eq!(self.first.folded, snapshot);
+        if snapshot.stop.is_some() {
+            assert!((0..TOOLS.into()).all(|slot| self.lease_of(slot).is_none()));
+        }
+        for tool in &snapshot.tools {
+            let is_held = tool.holder.is_some();
+            assert!(tool.requests.is_empty() || is_held, "asked of nobody");
+            assert!(tool.reserved_for.is_none() || !is_held, "kept and held");
+        }
         let held: Vec<u32> = (0..TOOLS.into())
             .filter_map(|slot| self.lease_of(slot))
             .collect();
@@ -427,8 +480,13 @@ impl World {
                 EventKind::Changed { .. } => told.patches += 1,
                 EventKind::FreshBlock { .. } => told.resets += 1,
                 EventKind::Taken { .. } => told.joins += 1,
-                EventKind::Released { slot, .. } => {
+                EventKind::Released { slot, because, .. } => {
                     released += 1;
+                    match because {
+                        Release::HandedOver { .. } => told.grants += 1,
+                        Release::TakenAway => told.taken_away += 1,
+                        _ => {}
+                    }
                     connected[*slot] = false;
                 }
                 EventKind::Connected { slot } => {
@@ -437,7 +495,15 @@ impl World {
                 EventKind::Disconnected { slot } => {
                     assert!(std::mem::replace(&mut connected[*slot], false));
                 }
-                EventKind::Fault { .. } | EventKind::Exchanged { .. } => {}
+                EventKind::Stopped { .. } => told.stops += 1,
+                EventKind::StopCleared { .. } => told.clears += 1,
+                EventKind::Requested { .. } => told.requests += 1,
+                EventKind::RequestEnded { because, .. } => {
+                    told.ended_requests += u64::from(*because != RequestEnd::RanOut);
+                }
+                EventKind::Fault { .. }
+                | EventKind::Exchanged { .. }
+                | EventKind::ReservationEnded { .. } => {}
             }
         }
         told.leaves = self.carried_out.leaves;
@@ -497,7 +563,9 @@ fn run_part(part: u8) -> [u64; 4] {
         world.check_events();
         let mut sum = counts.get();
         let carried_out = &world.carried_out;
+        let manners = carried_out.stops + carried_out.grants + carried_out.requests;
         let all = carried_out.patches + carried_out.resets + carried_out.joins + carried_out.leaves;
+        let all = all + manners;
         let removed = world.first.session.clay().removed_units();
         for (total, count) in sum
             .iter_mut()

@@ -90,6 +90,7 @@ async fn a_handle_that_is_refused_says_why() {
     let refusal = JoinReply::Refused {
         code: RefusalCode::NoFreeTool,
         reason: reason.clone(),
+        holder: None,
     };
     *server.mood.door.lock().unwrap() = Door::Says(serde_json::to_vec(&refusal).unwrap());
     let failure = Holder::start(&endpoint, Quirks::default())
@@ -124,6 +125,7 @@ async fn a_server_that_is_about_to_stop_is_asked_again() {
     let refusal = JoinReply::Refused {
         code: RefusalCode::ShuttingDown,
         reason: "stopping".to_owned(),
+        holder: None,
     };
     *server.mood.door.lock().unwrap() = Door::Says(serde_json::to_vec(&refusal).unwrap());
     let mut holder = Holder::start(&endpoint, Quirks::default());

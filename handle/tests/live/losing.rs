@@ -267,6 +267,7 @@ async fn a_place_that_the_lost_lease_still_holds_is_waited_for() {
     let full = JoinReply::Refused {
         code: RefusalCode::NoFreeTool,
         reason: "held by Ada".to_owned(),
+        holder: None,
     };
     *server.mood.door.lock().unwrap() = Door::Says(serde_json::to_vec(&full).unwrap());
     server.speak(Speech::Silence);

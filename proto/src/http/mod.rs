@@ -9,6 +9,7 @@ mod clay;
 mod hash;
 mod health;
 mod history;
+mod manners;
 mod network;
 mod patch;
 mod problem;
@@ -24,6 +25,9 @@ pub use hash::{ClayHash, ClayHashError};
 pub use health::{Health, HealthStatus, Readiness};
 pub use history::{
     DamagedSession, DamagedState, Duplicate, History, ListedSession, Redo, StrokeReport, Undo,
+};
+pub use manners::{
+    ControlRequest, Denial, MAX_NAME, MAX_REASON, Stop, StopRequest, check_name, check_reason,
 };
 pub use network::{Burst, Impairment, JitterDistribution, Network, Outage};
 pub use patch::{

@@ -5,7 +5,8 @@ use utoipa::ToSchema;
 
 use super::schema::Vector;
 use super::{
-    Axes, ClayHash, ClayShape, ClaySpec, Material, Network, Scheme, SessionId, ToolDescription,
+    Axes, ClayHash, ClayShape, ClaySpec, Material, Network, Scheme, SessionId, Stop,
+    ToolDescription,
 };
 use crate::frame::{CopyState, SweepRefusal};
 use crate::validate::{FieldError, Validate, check, whole_within};
@@ -113,6 +114,10 @@ pub struct Session {
     /// Which tools are in fault, and why; `null` when none is.
     #[schema(required)]
     pub fault: Option<String>,
+    /// Who has stopped the session, and why; `null` when nobody has. While it is stopped nobody holds a tool, and
+    /// nobody gets one.
+    #[schema(required)]
+    pub stop: Option<Stop>,
     /// What the clay resists with.
     pub material: Material,
     /// What the link conditioner does to packets.
@@ -182,6 +187,8 @@ words! {
         Paused "paused",
         /// No tool works, and one rests because a value came that it cannot work with; see [`Session::fault`].
         Fault "fault",
+        /// Somebody has stopped it: every tool was taken away, and none is given; see [`Session::stop`].
+        Stopped "stopped",
     }
 }
 
@@ -223,6 +230,11 @@ pub struct ToolState {
     pub operator: String,
     /// Whether frames come in.
     pub connected: bool,
+    /// Who has asked the holder for it, the first one first.
+    pub requests: Vec<String>,
+    /// For whom it is kept for a moment, since its holder has handed it over; `null` when it is for nobody.
+    #[schema(required)]
+    pub reserved_for: Option<String>,
     /// Tool position in the clay's frame, m.
     #[schema(value_type = Vector)]
     pub position_m: [f64; 3],

@@ -170,6 +170,7 @@ fn write_session(session: &Session) {
         ("running", SessionState::Running),
         ("paused", SessionState::Paused),
         ("fault", SessionState::Fault),
+        ("stopped", SessionState::Stopped),
     ] {
         gauge!("teleclay_session_state", with("state", word)).set(one_if(session.state == state));
     }

@@ -273,6 +273,12 @@ impl Live {
                 RefusalCode::NoFreeTool,
                 format!("all {tools} tools of session `{id}` are held"),
             ),
+            ChangeError::Refused(refusal @ Refusal::Stopped { .. }) => {
+                (RefusalCode::Stopped, format!("session `{id}`: {refusal}"))
+            }
+            ChangeError::Refused(refusal @ Refusal::Reserved { .. }) => {
+                (RefusalCode::Reserved, format!("session `{id}`: {refusal}"))
+            }
             ChangeError::Field(error) => (RefusalCode::BadRequest, error.to_string()),
             ChangeError::Gone => (
                 RefusalCode::NoSuchSession,

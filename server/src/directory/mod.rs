@@ -464,7 +464,7 @@ impl Directory {
                 live.shared.channels.open(slot, holder);
                 message
             }
-            Err((code, reason)) => answer(&JoinReply::Refused { code, reason }).0,
+            Err((code, reason)) => answer(&JoinReply::refused(code, reason)).0,
         };
         Some(SealedReply::Answered { message })
     }

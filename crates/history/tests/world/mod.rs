@@ -27,6 +27,11 @@ pub(crate) struct Counts {
     pub(crate) removing_ticks: u64,
     pub(crate) records: u64,
     pub(crate) bytes: u64,
+    pub(crate) stops: u64,
+    pub(crate) grants: u64,
+    pub(crate) other_manners: u64,
+    pub(crate) points_stopped: u64,
+    pub(crate) points_reserved: u64,
 }
 
 impl Counts {
@@ -40,6 +45,11 @@ impl Counts {
         self.removing_ticks += other.removing_ticks;
         self.records += other.records;
         self.bytes += other.bytes;
+        self.stops += other.stops;
+        self.grants += other.grants;
+        self.other_manners += other.other_manners;
+        self.points_stopped += other.points_stopped;
+        self.points_reserved += other.points_reserved;
     }
 }
 
@@ -70,6 +80,14 @@ pub(crate) struct World {
     lot: u64,
     sequences: [u32; TOOLS as usize],
     sweeps: [u32; TOOLS as usize],
+}
+
+/// What is to outlive the process: who asks for a tool is not.
+pub(crate) fn kept(mut session: Snapshot) -> Snapshot {
+    for tool in &mut session.tools {
+        tool.requests.clear();
+    }
+    session
 }
 
 /// The replayed state is the session's, to the last bit.
@@ -137,7 +155,7 @@ impl Live {
             .map(|slot| session.side(slot).map_or(0, |side| side.sweeps_decided()));
         self.points.push(Point {
             records: self.records.len(),
-            session: session.snapshot(),
+            session: kept(session.snapshot()),
             next_lease: session.next_lease(),
             decided: decided.collect(),
             clay: session.clay().clone(),
@@ -151,6 +169,11 @@ impl Live {
         self.session = Session::recover(now, state.into_recovery(Rules::default())).unwrap();
         let after = self.session.snapshot();
         assert_eq!(after.ownership_epoch, before.ownership_epoch + 1);
+        assert_eq!(after.stop, before.stop);
+        for (after, before) in after.tools.iter().zip(&before.tools) {
+            assert_eq!(after.reserved_for, before.reserved_for);
+            assert!(after.requests.is_empty());
+        }
         assert_eq!(
             (after.revision, after.clay_epoch, &after.settings),
             (before.revision, before.clay_epoch, &before.settings)
@@ -222,19 +245,20 @@ impl World {
     pub(crate) fn step(&mut self) {
         match self.draw(100) {
             0..4 => self.command(),
-            4..6 => self.exchange(),
-            6 => {
+            4..8 => self.manners(),
+            8..10 => self.exchange(),
+            10 => {
                 let skipped = [100, 300, 2000, 11_000][self.draw(4) as usize];
                 self.now = self.now.after(TICK * skipped);
                 self.ticks(30);
             }
-            7 if self.draw(3) == 0 => {
+            11 if self.draw(3) == 0 => {
                 // What is not recorded yet is lost: so nothing is.
                 self.tick();
                 self.live.restart(self.now);
                 self.counts.restarts += 1;
             }
-            8..40 => {
+            12..40 => {
                 let ticks = 1 + self.draw(5);
                 self.ticks(ticks);
             }
@@ -253,11 +277,55 @@ impl World {
             self.counts.bytes += self.live.records.last().unwrap().len() as u64;
             if self.draw(8) == 0 {
                 self.live.note();
+                let noted = self.live.session.snapshot();
+                let is_reserved = noted.tools.iter().any(|tool| tool.reserved_for.is_some());
+                self.counts.points_stopped += u64::from(noted.stop.is_some());
+                self.counts.points_reserved += u64::from(is_reserved);
             }
         }
         let after = self.live.session.clay().removed_units();
         self.counts.removing_ticks += u64::from(before < after);
         self.now = self.now.after(TICK);
+    }
+
+    /// Somebody stops, clears the stop, asks for a tool or hands one over.
+    fn manners(&mut self) {
+        let tool = 1 + self.draw(TOOLS.into()) as u32;
+        let asked = self.live.session.snapshot().tools[tool as usize - 1]
+            .requests
+            .first()
+            .map(ToString::to_string);
+        let operator = format!("operator {}", self.draw(4));
+        let lease = None;
+        let command = match self.draw(16) {
+            0 if self.draw(2) == 0 => Command::Stop {
+                by: operator,
+                reason: "a hand in the way".to_owned(),
+            },
+            0..4 => Command::ClearStop { by: operator },
+            4..10 => Command::Request { tool, operator },
+            10 => Command::Withdraw { tool, operator },
+            11 => Command::Deny {
+                tool,
+                operator,
+                reason: "not now".to_owned(),
+                lease,
+            },
+            12 => Command::Release { tool, lease },
+            _ => Command::Grant {
+                tool,
+                operator: asked.unwrap_or(operator),
+                lease,
+            },
+        };
+        if self.live.session.carry_out(self.now, &command).is_err() {
+            return;
+        }
+        match command {
+            Command::Stop { .. } => self.counts.stops += 1,
+            Command::Grant { .. } => self.counts.grants += 1,
+            _ => self.counts.other_manners += 1,
+        }
     }
 
     fn command(&mut self) {

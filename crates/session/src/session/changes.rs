@@ -109,15 +109,11 @@ impl Session {
         now: Timestamp,
         parts: &mut JoinParts,
     ) -> Result<Granted, Refusal> {
-        let held = self.slots.iter().map(|slot| slot.held(now));
-        let slot = self
-            .rules
-            .slot_for(&parts.operator.name, held)
-            .ok_or(Refusal::NoFreeTool {
-                tools: self.slots.len(),
-            })?;
+        let slot = self.slot_to_give(now, &parts.operator.name)?;
         let mut side = parts.side.take().expect("a command is carried out once");
         parts.side = self.release(slot, Release::TakenOver);
+        let reserved = self.slots[slot].reserved.take();
+        parts.name = reserved.map(|reserved| reserved.operator);
         self.revision += 1;
         let lease = self.next_lease;
         self.next_lease = lease.checked_add(1).unwrap_or(1);
@@ -147,6 +143,7 @@ impl Session {
     pub(super) fn release(&mut self, slot: usize, because: Release) -> Option<Box<ToolSide>> {
         let holder = self.slots[slot].holder.take()?;
         self.slots[slot].clear_lines();
+        self.slots[slot].requests.forget_all();
         self.departed = self.departed.and(holder.side.arrivals());
         self.revision += 1;
         self.announce_revision();

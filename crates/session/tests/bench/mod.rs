@@ -11,7 +11,8 @@ use teleclay_proto::http::{
     ClayReset, ClayShape, ClaySpec, NewSession, SessionPatch, ToolDescription,
 };
 use teleclay_session::{
-    Command, Event, EventKind, Operator, Outcome, Refusal, Rules, Session, SessionSetup, Settings,
+    Command, Event, EventKind, Operator, Outcome, Recovery, Refusal, Rules, Session, SessionSetup,
+    Settings,
 };
 
 pub(crate) const TICK: Duration = Duration::from_millis(1);
@@ -190,4 +191,48 @@ pub(crate) fn cutting(scheme: Scheme) -> NewSession {
         axes: teleclay_proto::Axes::Three,
         ..new_session(1)
     }
+}
+
+pub(crate) fn stop(by: &str, reason: &str) -> Command {
+    Command::Stop {
+        by: by.to_owned(),
+        reason: reason.to_owned(),
+    }
+}
+
+pub(crate) fn clear(by: &str) -> Command {
+    Command::ClearStop { by: by.to_owned() }
+}
+
+pub(crate) fn request(tool: u32, operator: &str) -> Command {
+    Command::Request {
+        tool,
+        operator: operator.to_owned(),
+    }
+}
+
+pub(crate) fn grant(tool: u32, operator: &str, lease: Option<u32>) -> Command {
+    Command::Grant {
+        tool,
+        operator: operator.to_owned(),
+        lease,
+    }
+}
+
+pub(crate) fn stopped(by: &str, reason: &str) -> Refusal {
+    Refusal::Stopped {
+        by: by.into(),
+        reason: reason.into(),
+    }
+}
+
+pub(crate) fn recovered(bench: &Bench) -> Session {
+    let recovery = Recovery {
+        state: bench.session.snapshot(),
+        clay: bench.session.clay().clone(),
+        next_lease: bench.session.next_lease(),
+        decided: Vec::new(),
+        rules: Rules::default(),
+    };
+    Session::recover(bench.now, recovery).unwrap()
 }

@@ -238,7 +238,10 @@ impl Rig {
         }
         let tick_s = self.tick.as_secs_f64();
         for (slot, hand) in self.hands.iter_mut().enumerate() {
-            let tool = self.session.side(slot).expect(ATTACHED);
+            // A stop takes it away.
+            let Some(tool) = self.session.side(slot) else {
+                continue;
+            };
             if let Some(frame) = tool.frame_to_send().filter(|_| self.halt.is_none()) {
                 hand.received_from.frames += 1;
                 hand.received_from.bytes += frame.encoded_len() as u64;
@@ -549,7 +552,7 @@ impl Rig {
 }
 
 const MAX_TOOLS: usize = teleclay_proto::http::MAX_TOOLS as usize;
-const ATTACHED: &str = "the rig never detaches a tool";
+const ATTACHED: &str = "only a stop takes a tool from the rig";
 
 /// The settings of a session that runs with these parameters. They hold more than a new session can ask for.
 fn settings(parameters: &LoopParameters, tools: usize) -> Settings {

@@ -7,8 +7,8 @@ use teleclay_proto::frame::{CopyState, SweepRefusal};
 use teleclay_proto::http::{
     Burst, ClayHash, ClayReset, ClayShape, ClaySpec, ClayState, CorrectionsState, FieldError,
     Impairment, JitterDistribution, LoopState, Material, Network, NewSession, Outage, Problem,
-    Quantiles, Session, SessionPatch, SessionState, StorageReport, StorageState, TickQuantiles,
-    ToolState, parse,
+    Quantiles, Session, SessionPatch, SessionState, Stop, StorageReport, StorageState,
+    TickQuantiles, ToolState, parse,
 };
 use teleclay_proto::invite::InviteId;
 use teleclay_proto::join::{
@@ -56,6 +56,18 @@ pub(super) fn server_texts() -> Value {
             ("a problem with a field", problem),
             ("a problem without a field", busy),
             ("pong", ServerText::Pong { nonce: u32::MAX }),
+            (
+                "state of a session that is stopped",
+                ServerText::State {
+                    session: Box::new(stopped_session()),
+                },
+            ),
+            (
+                "state with a tool that is kept for somebody",
+                ServerText::State {
+                    session: Box::new(handed_over()),
+                },
+            ),
         ],
     )
 }
@@ -211,12 +223,28 @@ pub(super) fn join() -> Value {
     let refused = JoinReply::Refused {
         code: RefusalCode::NoFreeTool,
         reason: "the only tool of session `demo` is held by Ada".to_owned(),
+        holder: None,
+    };
+    let stopped = JoinReply::Refused {
+        code: RefusalCode::Stopped,
+        reason: "session `demo` was stopped by Eve: a hand in the way".to_owned(),
+        holder: None,
+    };
+    let reserved = JoinReply::Refused {
+        code: RefusalCode::Reserved,
+        reason: "the tool of session `demo` that is free is kept for Bob".to_owned(),
+        holder: Some("Bob".to_owned()),
     };
     let challenge = std::array::from_fn(|n| n as u8);
     json!({
         "about": "joining, leaving, and asking for a fresh block",
         "requests": [text("a join", &request)],
-        "replies": [text("granted", &JoinReply::Granted(Box::new(granted))), text("refused", &refused)],
+        "replies": [
+            text("granted", &JoinReply::Granted(Box::new(granted))),
+            text("refused", &refused),
+            text("stopped", &stopped),
+            text("reserved", &reserved),
+        ],
         "challenge_requests": [text("a challenge", &ChallengeRequest { protocol: PROTOCOL })],
         "challenge_replies": [
             text("given", &ChallengeReply::Given { challenge, needs_token: true }),
@@ -349,6 +377,37 @@ fn impairment() -> Impairment {
     }
 }
 
+/// Eve has stopped it: nobody holds a tool.
+fn stopped_session() -> Session {
+    let mut stopped = session();
+    stopped.state = SessionState::Stopped;
+    stopped.stop = Some(Stop {
+        by: "Eve".to_owned(),
+        reason: "a hand in the way".to_owned(),
+    });
+    free(&mut stopped.tools[0]);
+    stopped
+}
+
+/// Ada has handed the tool over to Bob, who has not joined yet.
+fn handed_over() -> Session {
+    let mut handed_over = session();
+    handed_over.state = SessionState::Idle;
+    let tool = &mut handed_over.tools[0];
+    free(tool);
+    tool.reserved_for = Some("Bob".to_owned());
+    handed_over
+}
+
+fn free(tool: &mut ToolState) {
+    *tool = ToolState {
+        operator: String::new(),
+        connected: false,
+        requests: Vec::new(),
+        ..tool.clone()
+    };
+}
+
 fn session() -> Session {
     Session {
         id: id("demo"),
@@ -357,6 +416,7 @@ fn session() -> Session {
         axes: Axes::Two,
         state: SessionState::Running,
         fault: None,
+        stop: None,
         material: Material::default(),
         network: Network {
             up: impairment(),
@@ -381,6 +441,8 @@ fn session() -> Session {
             id: 1,
             operator: "Ada".to_owned(),
             connected: true,
+            requests: vec!["Bob".to_owned(), "Eve".to_owned()],
+            reserved_for: None,
             position_m: [0.031, 0.032, 0.01],
             force_n: [-0.5, 0.0, 0.0],
             handle_position_m: [0.031, 0.0, 0.0],

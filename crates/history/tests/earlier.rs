@@ -1,0 +1,81 @@
+//! What an earlier program has written is read: a session of three tools, in snapshot and records of version 1.
+//!
+//! Ada, Bob and Eve join; Ada cuts, the block is made fresh, Ada cuts on, another server goes on, Eve leaves, a stroke
+//! is undone, Bob's numbers are none, Ada cuts on.
+
+use teleclay_history::{Record, Replay, State};
+use teleclay_link::safety::{Flaw, Implausible};
+use teleclay_session::{Rules, Session};
+
+const SNAPSHOT: &[u8] = include_bytes!("old/version_1.snapshot");
+const RECORDS: &[u8] = include_bytes!("old/version_1.records");
+const HASH: u64 = 0xab18_7f6f_5dc7_ae26;
+
+/// Each stands behind its length in four bytes.
+fn records() -> Vec<&'static [u8]> {
+    let mut rest = RECORDS;
+    let mut records = Vec::new();
+    while let Some((length, behind)) = rest.split_first_chunk() {
+        let (record, behind) = behind.split_at(u32::from_le_bytes(*length) as usize);
+        records.push(record);
+        rest = behind;
+    }
+    records
+}
+
+#[test]
+fn a_snapshot_of_version_1_is_read_and_has_no_stop_and_no_reservation() {
+    assert_eq!(SNAPSHOT[0], 1);
+    let mut state = State::decode(SNAPSHOT).unwrap();
+    assert_eq!(state.clay.hash(), HASH);
+    assert_eq!((state.next_lease, state.strokes.next()), (4, 4));
+    assert_eq!(state.clay.removed_units(), 25_422);
+    let session = &state.session;
+    assert_eq!((session.ownership_epoch, session.clay_epoch), (2, 3));
+    assert_eq!(session.stop, None);
+    assert!(session.tools.iter().all(|tool| tool.reserved_for.is_none()));
+    let holders: Vec<_> = session
+        .tools
+        .iter()
+        .map(|tool| tool.holder.as_ref())
+        .collect();
+    let [Some(ada), Some(bob), None] = holders[..] else {
+        panic!("{holders:?}")
+    };
+    assert_eq!((ada.lease, &*ada.operator.name), (1, "Ada"));
+    assert!(ada.is_connected && ada.fault.is_none());
+    assert_eq!((bob.lease, &*bob.operator.name), (2, "Bob"));
+    let fault = Implausible {
+        field: "position_m",
+        flaw: Flaw::NotFinite,
+    };
+    assert_eq!((bob.is_connected, bob.fault), (false, Some(fault)));
+
+    let again = state.encode();
+    assert_eq!(again[0], 2);
+    let again = State::decode(&again).unwrap();
+    assert_eq!(again.session, state.session);
+    let recovered = Session::recover(
+        teleclay_link::time::Timestamp::ZERO,
+        again.into_recovery(Rules::default()),
+    );
+    assert!(recovered.unwrap().side(0).is_some());
+}
+
+#[test]
+fn records_of_version_1_lead_to_its_snapshot_and_are_written_as_they_were() {
+    let records = records();
+    assert_eq!(records.len(), 302);
+    let mut replay = Replay::begin(records[0], Vec::new()).unwrap().checking();
+    for record in &records[1..] {
+        replay.apply(record).unwrap();
+    }
+    for record in &records {
+        assert_eq!(Record::decode(record).unwrap().encode(), **record);
+    }
+    let (mut told, snapshot) = (replay.into_state(), State::decode(SNAPSHOT).unwrap());
+    assert_eq!(told.session, snapshot.session);
+    assert_eq!(told.decided, snapshot.decided);
+    assert_eq!(told.next_lease, snapshot.next_lease);
+    assert_eq!(told.clay.hash(), HASH);
+}

@@ -1,0 +1,129 @@
+//! Manners among operators: a stop, and who asks whom for a tool.
+
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+use crate::validate::{FieldError, Validate, check_text};
+
+/// Longest name of an operator or of a device, in characters.
+pub const MAX_NAME: usize = 64;
+
+/// Longest reason, in characters. With a name and the words between them it fits into a
+/// [`Farewell`](crate::join::Farewell).
+pub const MAX_REASON: usize = 128;
+
+/// A stop that holds: nobody has a tool, and nobody gets one.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Stop {
+    /// Who stopped the session.
+    pub by: String,
+    /// Why, for people.
+    pub reason: String,
+}
+
+impl Stop {
+    /// A stop whose words fit, whatever came: nothing is a reason not to stop. What is too long is cut off, control
+    /// characters become spaces, and where a text is empty, another one says so.
+    #[must_use]
+    pub fn fitting(by: &str, reason: &str) -> Self {
+        Self {
+            by: fitted(by, MAX_NAME, "somebody"),
+            reason: fitted(reason, MAX_REASON, NO_REASON),
+        }
+    }
+}
+
+/// Body of the call that stops a session. All of it may be left out.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct StopRequest {
+    /// Why, for people; 1 to 128 characters.
+    #[serde(default = "no_reason")]
+    #[schema(min_length = 1, max_length = 128, default = "no reason given")]
+    pub reason: String,
+}
+
+/// Body of the calls that ask for a tool, withdraw that, and grant it.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ControlRequest {
+    /// Who wants the tool; 1 to 64 characters.
+    #[schema(min_length = 1, max_length = 64)]
+    pub operator: String,
+}
+
+/// Body of the call that denies a tool to whoever has asked for it.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Denial {
+    /// Who wanted the tool; 1 to 64 characters.
+    #[schema(min_length = 1, max_length = 64)]
+    pub operator: String,
+    /// Why not, for people; 1 to 128 characters.
+    #[serde(default = "no_reason")]
+    #[schema(min_length = 1, max_length = 128, default = "no reason given")]
+    pub reason: String,
+}
+
+/// Checks the name of an operator at `pointer`: 1 to 64 characters, none that would move a cursor.
+///
+/// # Errors
+/// It is none.
+pub fn check_name(pointer: &str, name: &str) -> Result<(), FieldError> {
+    check_text(pointer, name, MAX_NAME)
+}
+
+/// Checks a reason at `pointer`: 1 to 128 characters, none that would move a cursor.
+///
+/// # Errors
+/// It is none.
+pub fn check_reason(pointer: &str, reason: &str) -> Result<(), FieldError> {
+    check_text(pointer, reason, MAX_REASON)
+}
+
+impl Validate for Stop {
+    fn validate(&self) -> Result<(), FieldError> {
+        check_name("/by", &self.by)?;
+        check_reason("/reason", &self.reason)
+    }
+}
+
+impl Validate for StopRequest {
+    fn validate(&self) -> Result<(), FieldError> {
+        check_reason("/reason", &self.reason)
+    }
+}
+
+impl Validate for ControlRequest {
+    fn validate(&self) -> Result<(), FieldError> {
+        check_name("/operator", &self.operator)
+    }
+}
+
+impl Validate for Denial {
+    fn validate(&self) -> Result<(), FieldError> {
+        check_name("/operator", &self.operator)?;
+        check_reason("/reason", &self.reason)
+    }
+}
+
+const NO_REASON: &str = "no reason given";
+
+fn no_reason() -> String {
+    NO_REASON.to_owned()
+}
+
+fn fitted(text: &str, most: usize, otherwise: &str) -> String {
+    if text.is_empty() {
+        return otherwise.to_owned();
+    }
+    let printable = |character: char| {
+        if character.is_control() {
+            ' '
+        } else {
+            character
+        }
+    };
+    text.chars().take(most).map(printable).collect()
+}
