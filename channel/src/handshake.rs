@@ -5,9 +5,9 @@
 
 use blake2::{Blake2s256, Digest};
 use snow::{Builder, HandshakeState};
+use teleclay_seal::{Forged, Keys};
 
 use crate::challenge::Challenge;
-use crate::forged::Forged;
 
 const PATTERN: &str = "Noise_NNpsk0_25519_ChaChaPoly_BLAKE2s";
 /// What a message has beside its payload, in bytes: a public key and a tag.
@@ -72,24 +72,6 @@ pub struct Context<'a> {
     pub key: &'a str,
     /// The server's challenge.
     pub challenge: &'a Challenge,
-}
-
-/// The keys of a lease, one for each direction.
-#[derive(Clone, PartialEq, Eq)]
-pub struct Keys {
-    pub(crate) of_handle: [u8; 32],
-    pub(crate) of_server: [u8; 32],
-}
-
-impl Keys {
-    /// Those of the handle's messages and of the server's.
-    #[must_use]
-    pub const fn new(of_handle: [u8; 32], of_server: [u8; 32]) -> Self {
-        Self {
-            of_handle,
-            of_server,
-        }
-    }
 }
 
 /// The handle's side of a join.
@@ -197,10 +179,4 @@ fn read(state: &mut HandshakeState, message: &[u8]) -> Result<Vec<u8>, Forged> {
 fn keys(state: &mut HandshakeState) -> Keys {
     let (of_handle, of_server) = state.dangerously_get_raw_split();
     Keys::new(of_handle, of_server)
-}
-
-impl std::fmt::Debug for Keys {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str("Keys")
-    }
 }

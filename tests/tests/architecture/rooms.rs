@@ -1,13 +1,14 @@
 //! The rooms, and which of them each one uses.
 
 /// Which rooms each room uses, tests of it included: exactly these.
-pub(crate) const USES: [(&str, &[&str]); 27] = [
+pub(crate) const USES: [(&str, &[&str]); 28] = [
     ("control", &[]),
     ("kinematics", &[]),
     ("clay", &[]),
     ("device", &[]),
     ("impedance", &["device"]),
-    ("channel", &[]),
+    ("seal", &[]),
+    ("channel", &["seal"]),
     ("journal", &[]),
     ("rules", &[]),
     ("wire", &[]),

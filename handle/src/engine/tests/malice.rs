@@ -2,10 +2,10 @@
 
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestRunner};
+use teleclay_bilateral::lower;
 use teleclay_proto::http::Validate;
 
 use super::*;
-use crate::refresh::lower;
 
 const CASES: u32 = 2000;
 const TICKS: usize = 1000;
