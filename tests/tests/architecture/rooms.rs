@@ -1,7 +1,7 @@
 //! The rooms, and which of them each one uses.
 
 /// Which rooms each room uses, tests of it included: exactly these.
-pub(crate) const USES: [(&str, &[&str]); 28] = [
+pub(crate) const USES: [(&str, &[&str]); 29] = [
     ("control", &[]),
     ("kinematics", &[]),
     ("clay", &[]),
@@ -20,6 +20,18 @@ pub(crate) const USES: [(&str, &[&str]); 28] = [
     ("link", &["clay", "control", "proto"]),
     ("bilateral", &["clay", "control", "device", "link", "proto"]),
     ("session", &["bilateral", "clay", "link", "proto"]),
+    (
+        "pointer",
+        &[
+            "bilateral",
+            "device",
+            "impedance",
+            "link",
+            "proto",
+            "seal",
+            "wire",
+        ],
+    ),
     ("mesh", &["clay"]),
     ("history", &["clay", "link", "proto", "session"]),
     (
@@ -38,8 +50,11 @@ pub(crate) const USES: [(&str, &[&str]); 28] = [
             "journal",
             "link",
             "operator",
+            "pointer",
             "proto",
+            "seal",
             "session",
+            "wire",
         ],
     ),
     ("theory", &["control", "kinematics", "proto", "sim"]),
