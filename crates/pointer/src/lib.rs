@@ -1,4 +1,5 @@
-//! The handle side of the loop for a pointer: a mouse, a finger or a pen on a page. A pure machine, for whoever wakes it.
+//! The handle side of the loop for a pointer: a mouse, a finger or a pen on a page. A pure machine, for whoever wakes
+//! it.
 //!
 //! ```text
 //! samples ──> coupling ──> HandleSide ──> brake ──> guard ──> the loop's handle, and the coupling again
@@ -15,8 +16,8 @@
 //! | [`Deadlines`] | which ticks are owed |
 //! | [`MadePath`] | a hand's path as a page tells it, for tests |
 //!
-//! It holds the law of `teleclay-handle`, with the same parts of other rooms. Time is an argument, in nanoseconds of the
-//! caller's own clock; no tick allocates, and the same calls give the same bits on every machine.
+//! It holds the law of `teleclay-handle`, with the same parts of other rooms. Time is an argument, in nanoseconds of
+//! the caller's own clock; no tick allocates, and the same calls give the same bits on every machine.
 
 mod deadlines;
 mod grant;

@@ -16,20 +16,20 @@ use crate::grant::{Grant, PointerSetup, Refused};
 use crate::inbox::Inbox;
 use crate::view::{Counts, Mode, View, Wanted};
 
-/// Frames that may wait for their tick: a quarter of a second, more than a line that was stuck delivers before it counts
-/// as silent.
+/// Frames that may wait for their tick: a quarter of a second, more than a line that was stuck delivers before it
+/// counts as silent.
 const FRAMES_WAITING: usize = 256;
 /// Samples that may wait for theirs: half a second of the fastest page.
 const SAMPLES_WAITING: usize = 64;
-/// Older than this a frame is not sent, ns: a fifth of the silence after which the tool stops anyway. Every frame repeats
-/// what has not been acknowledged.
+/// Older than this a frame is not sent, ns: a fifth of the silence after which the tool stops anyway. Every frame
+/// repeats what has not been acknowledged.
 const STALE_NS: u64 = 20_000_000;
 /// After a gap as long as this, ns, nobody knows whether the hand still holds: it has to take hold anew.
 const GAP_NS: u64 = 500_000_000;
 /// Without frames for this long a lease counts as lost, s. Shorter gaps mend themselves.
 const LOST_AFTER_S: f64 = 1.0;
-/// A copy of the clay goes on without frames, and what was cut since waits for the line: the old lease is hoped for until
-/// shortly before the server gives it up, which is after 10 s.
+/// A copy of the clay goes on without frames, and what was cut since waits for the line: the old lease is hoped for
+/// until shortly before the server gives it up, which is after 10 s.
 const LOST_ON_COPY_AFTER_S: f64 = 8.0;
 
 /// What a call of [`Pointer::advance`] did.
@@ -86,8 +86,8 @@ pub struct Pointer {
 }
 
 impl Pointer {
-    /// A handle at home, at rest, released, under what was granted; `keys` are those of the lease. Its first tick is due a
-    /// tick after `now_ns`.
+    /// A handle at home, at rest, released, under what was granted; `keys` are those of the lease. Its first tick is
+    /// due a tick after `now_ns`.
     ///
     /// # Errors
     /// What came is no grant, or makes no loop that this pointer can hold.
@@ -155,8 +155,8 @@ impl Pointer {
         })
     }
 
-    /// The pointer was at `position_m`, m, at `at_ns`, which is told at `now_ns`. While it rests somebody has to tell so
-    /// again and again: a pointer that is not heard of is let go of.
+    /// The pointer was at `position_m`, m, at `at_ns`, which is told at `now_ns`. While it rests somebody has to tell
+    /// so again and again: a pointer that is not heard of is let go of.
     pub fn handle_sample(&mut self, now_ns: u64, at_ns: u64, position_m: [f64; 3]) {
         let had_room = self.samples.push(now_ns, (at_ns, position_m));
         self.counts.overflowed += u64::from(!had_room);
@@ -240,8 +240,8 @@ impl Pointer {
         self.release();
     }
 
-    /// Makes the ticks that are owed at `now_ns`, [`MOST_AT_ONCE`](crate::MOST_AT_ONCE) at most. What they send replaces
-    /// what the last call sent.
+    /// Makes the ticks that are owed at `now_ns`, [`MOST_AT_ONCE`](crate::MOST_AT_ONCE) at most. What they send
+    /// replaces what the last call sent.
     pub fn advance(&mut self, now_ns: u64) -> Advanced {
         self.outgoing.restart();
         let owed = self.deadlines.take(now_ns);

@@ -24,8 +24,8 @@ impl MadePath {
         }
     }
 
-    /// Where the hand is, m: at home for half a second, then 8 mm down within another, with strokes of 30 mm either way at
-    /// 0.6 Hz.
+    /// Where the hand is, m: at home for half a second, then 8 mm down within another, with strokes of 30 mm either way
+    /// at 0.6 Hz.
     #[must_use]
     pub fn at(now_ns: u64) -> [f64; 3] {
         let t_s = now_ns as f64 * 1e-9;

@@ -17,7 +17,8 @@ impl Pointer {
     /// Goes on under another lease of the same loop, with the copy of the clay and every cut that is not durable.
     ///
     /// # Errors
-    /// It is none, or one of another loop: nothing changes, and a machine made anew is to take over once this one rests.
+    /// It is none, or one of another loop: nothing changes, and a machine made anew is to take over once this one
+    /// rests.
     pub fn renew(&mut self, now_ns: u64, granted: &[u8], keys: &Keys) -> Result<(), Refused> {
         if self.side.fault().is_some() {
             return Err(Refused::AtRest);

@@ -1,8 +1,8 @@
 //! A pointer on a page that holds a tool of a session, on virtual time: everything that crosses does so in the bytes of
 //! a WebSocket, sealed as there. Same seed, same bits.
 //!
-//! Within a millisecond the pointer wakes first, if it does: it hears what came, makes the ticks that are owed and sends
-//! their frames; then the session steps. Snapshots travel beside the lines, as in [`crate::rig`].
+//! Within a millisecond the pointer wakes first, if it does: it hears what came, makes the ticks that are owed and
+//! sends their frames; then the session steps. Snapshots travel beside the lines, as in [`crate::rig`].
 
 use std::iter::Peekable;
 

@@ -1,7 +1,7 @@
 //! The rooms, and which of them each one uses.
 
 /// Which rooms each room uses, tests of it included: exactly these.
-pub(crate) const USES: [(&str, &[&str]); 29] = [
+pub(crate) const USES: [(&str, &[&str]); 30] = [
     ("control", &[]),
     ("kinematics", &[]),
     ("clay", &[]),
@@ -55,6 +55,18 @@ pub(crate) const USES: [(&str, &[&str]); 29] = [
             "seal",
             "session",
             "wire",
+        ],
+    ),
+    (
+        "hand",
+        &[
+            "bilateral",
+            "impedance",
+            "pointer",
+            "proto",
+            "seal",
+            "session",
+            "sim",
         ],
     ),
     ("theory", &["control", "kinematics", "proto", "sim"]),
