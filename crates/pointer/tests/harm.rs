@@ -278,6 +278,44 @@ fn what_the_server_wrote_is_felt_up_to_the_law() {
     assert!(0.01 < norm(pointer.view().handle_m));
 }
 
+/// A server that would have the hand wait for ten seconds and let go within ten more.
+#[test]
+fn a_server_that_falls_silent_lets_go_as_soon_as_the_device_says() {
+    let parameters = LoopParameters {
+        scheme: Scheme::ForceExchange,
+        silence_s: 10.0,
+        ramp_s: 10.0,
+        ..LoopParameters::default()
+    };
+    let mut pointer = pointer(&granted(parameters)).unwrap();
+    let mut server = Server::new();
+    for number in 1..600_u64 {
+        let now_ns = number * TICK_NS;
+        if number < 400 {
+            let pushing = ToolFrame {
+                header: Header {
+                    clay_epoch: 1,
+                    scheme: Scheme::ForceExchange,
+                    ..Header::default()
+                },
+                status: LoopStatus::Running,
+                force_n: [5.0, 0.0, 0.0],
+                ..ToolFrame::default()
+            };
+            let message = server.message(now_ns, pushing, 1);
+            pointer.handle_frames(now_ns, &message).unwrap();
+        }
+        tick(&mut pointer, now_ns, None);
+        let felt_n = norm(pointer.view().felt_force_n);
+        match number {
+            399 => assert!(4.0 < felt_n, "{felt_n}"),
+            // 100 ms of silence and 50 ms of ramp after the last frame.
+            551.. => assert!(felt_n <= 0.0, "{felt_n} N at {number}"),
+            _ => {}
+        }
+    }
+}
+
 /// Every number of a grant as no server means it: an error in words, or a loop that keeps the law.
 #[test]
 fn grants_with_absurd_parameters_are_refused_or_harmless() {
