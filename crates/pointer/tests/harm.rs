@@ -392,6 +392,15 @@ fn a_grant_is_taken_as_a_reply_or_by_itself_and_a_refusal_says_why() {
         reason: "every tool is held".to_owned(),
     });
     assert_eq!(said.unwrap_err().to_string(), "refused: every tool is held");
+    // What is wrong is said of what came, and not of the other of the two.
+    for (json, why) in [
+        (&b"{\"outcome\":\"maybe\"}"[..], "maybe"),
+        (b"{\"lease\":1}", "missing field `ownership_epoch`"),
+    ] {
+        let made = Pointer::new(0, PointerSetup::default(), json, &keys()).map(|_| ());
+        let said = made.unwrap_err().to_string();
+        assert!(said.contains(why), "{said}");
+    }
     for (tick_s, rate_hz, why) in [
         (
             1e-5,
