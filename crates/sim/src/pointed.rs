@@ -10,7 +10,7 @@ use teleclay_clay::{BrickView, Clay};
 use teleclay_link::time::Timestamp;
 use teleclay_pointer::{MadePath, Pointer, PointerSetup, Refused, Wanted};
 use teleclay_proto::frame::{HandleFrame, MAX_FRAME};
-use teleclay_proto::http::{ClayShape, ClaySpec, NewSession};
+use teleclay_proto::http::{ClayShape, ClaySpec, NewSession, SessionPatch};
 use teleclay_proto::join::{ClayDescription, Granted, LoopParameters};
 use teleclay_proto::watch::{BrickContent, BricksHeader, BricksWriter};
 use teleclay_proto::{NodeName, SessionId};
@@ -117,26 +117,7 @@ impl Pointed {
             first_lease: 1,
             ownership_epoch: 1,
         });
-        let joined = session.carry_out(
-            Timestamp::ZERO,
-            &Command::Join {
-                operator: Operator {
-                    name: "somebody".to_owned(),
-                    device: "pointer".to_owned(),
-                },
-            },
-        )?;
-        let lease = joined.granted.expect("a join grants a lease");
-        let granted = Granted {
-            lease: lease.lease,
-            ownership_epoch: session.ownership_epoch(),
-            node: NodeName::new("sim").expect("a constant name is valid"),
-            tool: 1,
-            lease_s: 10.0,
-            parameters: session.settings().parameters_at(joined.revision),
-            clay: describe(&session),
-            slow_endpoint: None,
-        };
+        let (slot, granted) = join(&mut session, Timestamp::ZERO)?;
         let granted = json(&granted);
         let mut pointer = Pointer::new(0, PointerSetup::default(), &granted, &keys())?;
         if setup.parameters.scheme.keeps_a_copy() {
@@ -146,7 +127,7 @@ impl Pointed {
         }
         pointer.hold();
         Ok(Self {
-            slot: lease.slot,
+            slot,
             session,
             pointer,
             granted,
@@ -196,6 +177,13 @@ impl Pointed {
             }
         }
         self.deliver_snapshot();
+        if self.pointer.wanted().parameters {
+            let revision = self.session.revision();
+            let parameters = self.session.settings().parameters_at(revision);
+            self.pointer
+                .handle_parameters(&json(&parameters))
+                .expect("the session's parameters make a loop");
+        }
         for message in self.under_way.drain(..) {
             self.pointer
                 .handle_frames(now_ns, &message)
@@ -248,6 +236,34 @@ impl Pointed {
             let taken = receive(&mut self.pointer, &clay, &bricks);
             taken.expect("the session's clay can be received");
         }
+    }
+
+    /// The lease is lost, with all that was on its way, and another one is granted in its place.
+    ///
+    /// # Errors
+    /// The session lets nobody in, or the pointer does not go on.
+    pub fn renew(&mut self) -> Result<(), PointedError> {
+        let now = Timestamp::from_nanos(self.now_ns);
+        let lease = self.pointer.side().frame().header.lease;
+        self.session.carry_out(now, &Command::Leave { lease })?;
+        let (slot, granted) = join(&mut self.session, now)?;
+        let keys = Keys::new([13; 32], [17; 32]);
+        self.granted = json(&granted);
+        self.pointer.renew(self.now_ns, &self.granted, &keys)?;
+        self.slot = slot;
+        self.server = Channel::of_server(&keys);
+        self.under_way.clear();
+        Ok(())
+    }
+
+    /// Changes settings of the session, as a new revision; the pointer asks for the parameters by itself.
+    ///
+    /// # Errors
+    /// The session refuses.
+    pub fn patch(&mut self, patch: SessionPatch) -> Result<(), PointedError> {
+        let now = Timestamp::from_nanos(self.now_ns);
+        self.session.carry_out(now, &Command::Patch { patch })?;
+        Ok(())
     }
 
     /// The hand lets go, and nothing more is told of it.
@@ -336,6 +352,27 @@ pub fn bricks_of(clay: &Clay, epoch: u32) -> Vec<Vec<u8>> {
         writer.push(dense, content).expect("the grid has it");
     }
     writer.finish()
+}
+
+/// A lease: the slot of its tool, and what is granted.
+fn join(session: &mut Session, now: Timestamp) -> Result<(usize, Granted), Refusal> {
+    let operator = Operator {
+        name: "somebody".to_owned(),
+        device: "pointer".to_owned(),
+    };
+    let joined = session.carry_out(now, &Command::Join { operator })?;
+    let lease = joined.granted.expect("a join grants a lease");
+    let granted = Granted {
+        lease: lease.lease,
+        ownership_epoch: session.ownership_epoch(),
+        node: NodeName::new("sim").expect("a constant name is valid"),
+        tool: 1,
+        lease_s: 10.0,
+        parameters: session.settings().parameters_at(joined.revision),
+        clay: describe(session),
+        slow_endpoint: None,
+    };
+    Ok((lease.slot, granted))
 }
 
 fn describe(session: &Session) -> ClayDescription {

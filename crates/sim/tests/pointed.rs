@@ -9,6 +9,7 @@ use teleclay_bilateral::LinkState;
 use teleclay_clay::Clay;
 use teleclay_impedance::GraspState;
 use teleclay_pointer::{MOST_AT_ONCE, MadePath, Mode, PROFILE, Pointer, PointerSetup};
+use teleclay_proto::http::SessionPatch;
 use teleclay_proto::join::LoopParameters;
 use teleclay_proto::{Scheme, ToolDescription};
 use teleclay_session::Lines;
@@ -263,4 +264,73 @@ fn whoever_leaves_lets_go_and_comes_to_rest_within_half_a_second() {
         );
         assert!(norm(view.felt_force_n) <= 0.0 && norm(view.hand_force_n) <= 0.0);
     }
+}
+
+/// A lease that is lost in the middle of a stroke: the copy and every cut that the session lacks go on under the next one.
+#[test]
+fn under_another_lease_the_hand_goes_on_and_no_cut_is_lost() {
+    let mut pointed = carving(Scheme::Replica, line_of(40), 2);
+    run(&mut pointed, Duration::from_secs(3));
+    let before = *pointed.pointer().view();
+    assert_eq!(
+        (before.link_state, before.grasp),
+        (LinkState::Live, GraspState::Held)
+    );
+    pointed.renew().unwrap();
+    run(&mut pointed, Duration::from_millis(20));
+    assert_eq!(pointed.pointer().view().link_state, LinkState::NotYet);
+    run(&mut pointed, Duration::from_secs(2));
+    let view = pointed.pointer().view();
+    assert_eq!(
+        (view.link_state, view.grasp),
+        (LinkState::Live, GraspState::Held)
+    );
+    pointed.let_go();
+    run(&mut pointed, Duration::from_secs(2));
+    let here = pointed.pointer().view().clay_hash;
+    assert_eq!(here, Some(hash(pointed.session().clay())));
+    let counts = pointed.pointer().counts();
+    assert_eq!((counts.unheard, counts.foreign), (0, 0));
+}
+
+fn line_of(delay_ms: u32) -> Lines {
+    both_ways(line(delay_ms, 0.3, 0.05), 9)
+}
+
+/// Scheme after scheme while the hand cuts, and other clay: no step of a force, and nothing that is asked for in vain.
+#[test]
+fn what_changes_in_the_session_changes_under_the_hand_within_the_bounds() {
+    let mut pointed = carving(Scheme::Replica, line_of(10), 2);
+    run(&mut pointed, Duration::from_secs(2));
+    let schemes = [
+        Scheme::ForceExchange,
+        Scheme::Tdpa,
+        Scheme::Replica,
+        Scheme::ForceExchange,
+    ];
+    for scheme in schemes {
+        pointed
+            .patch(SessionPatch {
+                scheme: Some(scheme),
+                ..SessionPatch::default()
+            })
+            .unwrap();
+        run(&mut pointed, Duration::from_secs(1));
+        let view = pointed.pointer().view();
+        assert_eq!((view.scheme, view.link_state), (scheme, LinkState::Live));
+        let wanted = pointed.pointer().wanted();
+        assert!(
+            !wanted.parameters && !wanted.lease && wanted.snapshot.is_none(),
+            "{wanted:?}"
+        );
+    }
+    pointed
+        .patch(SessionPatch {
+            paused: Some(true),
+            ..SessionPatch::default()
+        })
+        .unwrap();
+    run(&mut pointed, Duration::from_millis(200));
+    let view = pointed.pointer().view();
+    assert!(norm(view.felt_force_n) <= 0.0 && view.link_state == LinkState::Paused);
 }
