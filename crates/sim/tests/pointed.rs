@@ -266,7 +266,8 @@ fn whoever_leaves_lets_go_and_comes_to_rest_within_half_a_second() {
     }
 }
 
-/// A lease that is lost in the middle of a stroke: the copy and every cut that the session lacks go on under the next one.
+/// A lease that is lost in the middle of a stroke: the copy and every cut that the session lacks go on under the next
+/// one.
 #[test]
 fn under_another_lease_the_hand_goes_on_and_no_cut_is_lost() {
     let mut pointed = carving(Scheme::Replica, line_of(40), 2);
