@@ -6,42 +6,12 @@ use std::time::Duration;
 use blake2::Blake2sMac;
 use blake2::digest::consts::U16;
 use blake2::digest::{FixedOutput, KeyInit, Update};
+use teleclay_seal::{CHALLENGE, Challenge};
 
-/// Length of a challenge in bytes.
-pub const LENGTH: usize = 32;
 /// A challenge is taken for this long: a join goes once there and once back, over any line that a loop bears.
 const LASTS: Duration = Duration::from_secs(10);
 /// Challenges that were taken are remembered until they are old, and no more than so many: the next join waits then.
 const MOST_TAKEN: usize = 4096;
-
-/// What a join must name: when it was given, at random, and a mark by which its giver knows it.
-#[derive(Clone, Copy, PartialEq, Eq)]
-pub struct Challenge([u8; LENGTH]);
-
-impl Challenge {
-    /// As it crosses.
-    #[must_use]
-    pub const fn as_bytes(&self) -> &[u8; LENGTH] {
-        &self.0
-    }
-
-    /// As it came.
-    #[must_use]
-    pub const fn from_bytes(bytes: [u8; LENGTH]) -> Self {
-        Self(bytes)
-    }
-
-    fn given_at(&self) -> Duration {
-        let [a, b, c, d, e, f, g, h, ..] = self.0;
-        Duration::from_millis(u64::from_le_bytes([a, b, c, d, e, f, g, h]))
-    }
-}
-
-impl std::fmt::Debug for Challenge {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "Challenge({:?})", self.given_at())
-    }
-}
 
 /// Why a challenge is not taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -86,12 +56,12 @@ impl Challenges {
     /// The system has no randomness.
     #[must_use]
     pub fn give(&self, now: Duration) -> Challenge {
-        let mut bytes = [0; LENGTH];
+        let mut bytes = [0; CHALLENGE];
         bytes[..8].copy_from_slice(&(now.as_millis() as u64).to_le_bytes());
         bytes[8..16].copy_from_slice(&random::<8>());
         let mark = self.mark(&bytes[..16]);
         bytes[16..].copy_from_slice(&mark);
-        Challenge(bytes)
+        Challenge::from_bytes(bytes)
     }
 
     /// Whether a challenge is good now. It stays so until it is [taken](Self::take).
@@ -99,7 +69,7 @@ impl Challenges {
     /// # Errors
     /// It is not.
     pub fn check(&self, now: Duration, challenge: &Challenge) -> Result<(), Unwelcome> {
-        let (told, mark) = challenge.0.split_at(16);
+        let (told, mark) = challenge.as_bytes().split_at(16);
         let differing = self
             .mark(told)
             .iter()
@@ -162,7 +132,7 @@ impl std::fmt::Debug for Challenges {
     }
 }
 
-fn random<const N: usize>() -> [u8; N] {
+pub(crate) fn random<const N: usize>() -> [u8; N] {
     let mut bytes = [0; N];
     getrandom::fill(&mut bytes).expect("the system has randomness");
     bytes

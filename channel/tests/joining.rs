@@ -5,6 +5,7 @@ use std::time::Duration;
 use proptest::prelude::*;
 use teleclay_channel::challenge::{Challenges, Unwelcome};
 use teleclay_channel::{Answering, Asking, Challenge, Channel, Context, Forged, Purpose, Secret};
+use teleclay_seal::{CHANCE, handshake};
 
 const KEY: &str = "teleclay/local/session/demo/join";
 
@@ -30,6 +31,22 @@ fn met() -> (Channel, Channel) {
     let (heard, keys) = asking.conclude(&second).unwrap();
     assert_eq!(heard, b"come in");
     (Channel::of_handle(&keys), server)
+}
+
+/// A side whose chance is an argument, as in a browser, meets one that has the system's own.
+#[test]
+fn chance_as_an_argument_makes_the_same_join_and_decides_its_first_message() {
+    let challenge = Challenges::new().give(Duration::ZERO);
+    let about = context(&challenge);
+    let begin = |chance| handshake::Asking::begin(&secret(), about, b"who I am", chance);
+    let (mut asking, first) = begin([5; CHANCE]);
+    assert_eq!(first, begin([5; CHANCE]).1);
+    assert_ne!(first, begin([6; CHANCE]).1);
+    let (heard, answering) = Answering::hear(&secret(), about, &first).unwrap();
+    assert_eq!(heard, b"who I am");
+    let (second, keys) = answering.answer(b"come in");
+    let (heard, own) = asking.conclude(&second).unwrap();
+    assert_eq!((heard.as_slice(), own), (&b"come in"[..], keys));
 }
 
 #[test]

@@ -13,7 +13,7 @@
 use std::sync::Arc;
 
 use teleclay_bilateral::{HandleSide, HandleStep, LinkState, Retired};
-use teleclay_device::{DeviceProfile, DeviceSample, Guard};
+use teleclay_device::{Brake, DeviceProfile, DeviceSample, Guard};
 use teleclay_link::arrivals::ArrivalCounts;
 use teleclay_link::replica::ToolSetup;
 use teleclay_link::safety::Implausible;
@@ -26,7 +26,6 @@ use teleclay_proto::frame::{CopyState, Corrections};
 use teleclay_shell::realtime::{Capacities, Machine, Out, Timing};
 
 use crate::attachment::{Attachment, Heard, Renewal};
-use crate::brake::Brake;
 use crate::device::{Device, DeviceCommand, DeviceError, DeviceRequest};
 use crate::refresh::Wanted;
 

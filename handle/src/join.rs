@@ -9,6 +9,7 @@ use std::time::Duration;
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
+use teleclay_bilateral::is_device_tick;
 use teleclay_channel::{Asking, Challenge, Channel, Context, Purpose, Secret};
 use teleclay_proto::http::{Validate, parse};
 use teleclay_proto::invite::InviteId;
@@ -210,11 +211,6 @@ pub(crate) async fn fresh(slow: Session, grant: JoinGrant) -> Result<FreshReply,
     parse(&question.ask().await?).map_err(|error| error.to_string())
 }
 
-/// Ticks that a device keeps up with, and that hold what one command can change within what a hand bears.
-fn is_our_tick(tick_s: f64) -> bool {
-    (0.5e-3..=2e-3).contains(&tick_s)
-}
-
 /// Asks once.
 async fn ask(control: &Session, target: &JoinTarget) -> Attempt {
     let keys = SessionKeys::new(target.realm.clone(), target.session.clone());
@@ -348,7 +344,7 @@ async fn accept(
     channel: Arc<Channel>,
 ) -> Attempt {
     match parse::<JoinReply>(reply) {
-        Ok(JoinReply::Granted(granted)) if !is_our_tick(granted.parameters.tick_s) => {
+        Ok(JoinReply::Granted(granted)) if !is_device_tick(granted.parameters.tick_s) => {
             leave(control, &keys, &channel, granted.lease).await;
             let tick_ms = granted.parameters.tick_s * 1e3;
             Attempt::Refused(unusable(format!(
@@ -435,19 +431,4 @@ fn json(question: &impl Serialize) -> Vec<u8> {
 
 fn unusable(reason: String) -> JoinError {
     JoinError::Unusable { reason }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn only_a_loop_whose_tick_a_device_keeps_is_joined() {
-        for tick_s in [0.5e-3, 1e-3, 2e-3] {
-            assert!(is_our_tick(tick_s), "{tick_s}");
-        }
-        for tick_s in [1e-5, 0.49e-3, 2.01e-3, 0.1, f64::NAN] {
-            assert!(!is_our_tick(tick_s), "{tick_s}");
-        }
-    }
 }

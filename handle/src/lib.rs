@@ -11,9 +11,8 @@
 //! | [`recording`] | every tick in a file |
 //!
 //! Within, `engine` is the tick; `attachment` is one lease as the tick holds it, and `line` the network's end of the
-//! same lease; `outbox` carries frames from the one to the other; `brake` brings the handle to rest when loops are
-//! exchanged; `join` asks the server, `grant` is its yes, and `question` what is asked under it; `singularity` tells
-//! when a robot comes near one.
+//! same lease; `outbox` carries frames from the one to the other; `join` asks the server, `grant` is its yes, and
+//! `question` what is asked under it; `singularity` tells when a robot comes near one.
 //!
 //! `refresh` fetches what the loop wants to know while it runs: changed parameters, and snapshots of the clay for the
 //! replica.
@@ -39,7 +38,6 @@ pub mod run;
 pub mod status;
 
 mod attachment;
-mod brake;
 mod engine;
 mod grant;
 mod join;

@@ -1,4 +1,4 @@
-//! Builds the dashboard when its sources changed since the last build, the module of WebAssembly in it first.
+//! Builds the dashboard when its sources changed since the last build, the modules of WebAssembly in it first.
 
 use std::fs;
 use std::hash::{DefaultHasher, Hash, Hasher};
@@ -17,8 +17,8 @@ use crate::workspace::{root, target};
 /// What `npm ci` reads.
 const PACKAGE_FILES: [&str; 3] = ["package.json", "package-lock.json", ".npmrc"];
 
-/// What the module of WebAssembly is built into.
-const MODULE: &str = "generated/page.wasm";
+/// What the modules of WebAssembly are built into.
+const MODULES: [&str; 2] = ["generated/page.wasm", "generated/hand.wasm"];
 
 /// Prepares and builds client-web/dist, each only when needed.
 pub(crate) fn build() -> Result<()> {
@@ -26,7 +26,7 @@ pub(crate) fn build() -> Result<()> {
     let folder = folder();
     let stamp = target().join("dashboard.stamp");
     let mut inputs = sources(&folder)?;
-    inputs.push(folder.join(MODULE));
+    inputs.extend(MODULES.map(|module| folder.join(module)));
     let inputs = fingerprint(&inputs)?;
     let page = folder.join("dist/index.html");
     if page.exists() && holds(&stamp, &inputs) {
@@ -53,12 +53,13 @@ pub(crate) fn prepare() -> Result<()> {
     })
 }
 
-/// Builds the module that the page has in common with the server; cargo knows whether anything changed.
+/// Builds the modules that the page has in common with the server and with the handle; cargo knows whether anything
+/// changed.
 fn build_module() -> Result<()> {
     let log = target().join("dashboard-module.log");
     let mut script = command("node");
     script.current_dir(folder()).arg("scripts/module.mjs");
-    run_quietly(script, "building the dashboard's module", &log)
+    run_quietly(script, "building the dashboard's modules", &log)
 }
 
 /// Installs the dashboard's packages as its lock file names them.
@@ -87,10 +88,10 @@ fn folder() -> PathBuf {
     root().join("client-web")
 }
 
-/// Every file that the build may read; the browser's tests are none of them, and of the module only what was built.
+/// Every file that the build may read; the browser's tests are none of them, and of the modules only what was built.
 fn sources(folder: &Path) -> Result<Vec<PathBuf>> {
     let mut files = files_of_ours(folder, &[])?;
-    let others = ["browser", "wasm"].map(|name| folder.join(name));
+    let others = ["browser", "hand", "wasm"].map(|name| folder.join(name));
     files.retain(|file| !others.iter().any(|other| file.starts_with(other)));
     Ok(files)
 }
@@ -130,6 +131,7 @@ mod tests {
             ("node_modules/three", "index.js"),
             ("browser", "a.ts"),
             ("wasm/src", "lib.rs"),
+            ("hand/src", "lib.rs"),
         ]
         .map(|(name, file)| (folder.join(name), file))
         {
@@ -142,6 +144,7 @@ mod tests {
             "node_modules/three/index.js",
             "browser/a.ts",
             "wasm/src/lib.rs",
+            "hand/src/lib.rs",
         ] {
             fs::write(folder.join(made), "two").unwrap();
             assert_eq!(first, now());

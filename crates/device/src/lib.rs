@@ -2,8 +2,10 @@
 //!
 //! SI units throughout; a position is the handle's displacement from its home.
 
+mod brake;
 mod guard;
 
+pub use brake::Brake;
 pub use guard::{DeviceProfile, Guard};
 
 /// What a handle measures at one tick.

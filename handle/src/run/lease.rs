@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use teleclay_bilateral::{LinkState, tool_setup};
+use teleclay_bilateral::{Known, LinkState, is_same_loop, lower, tool_setup};
 use teleclay_link::time::Timestamp;
 use teleclay_proto::PROTOCOL;
 use teleclay_proto::join::{JoinRequest, LoopParameters};
@@ -13,7 +13,6 @@ use teleclay_shell::realtime::Realtime;
 use teleclay_shell::ticker::TickerConfig;
 use tokio::time::Instant;
 
-use super::known::{Known, is_same_loop};
 use super::{Failure, Rig, Run, close};
 use crate::attachment::{Attachment, LineEnds, Renewal};
 use crate::device::DeviceSetup;
@@ -22,7 +21,7 @@ use crate::event::Event;
 use crate::grant::JoinGrant;
 use crate::join::{self, JoinError, JoinTarget, OldLease};
 use crate::line::{Line, LineError};
-use crate::refresh::{Changed, lower};
+use crate::refresh::Changed;
 
 /// After the first lease under which no frame came.
 const FIRST_PAUSE: Duration = Duration::from_millis(200);

@@ -4,11 +4,9 @@
 //! |---|---|
 //! | `lease` | looks for a server and takes the lease that it grants into use |
 //! | `ticks` | reads what the tick has recorded, and does what follows from it |
-//! | `known` | whether a lease goes on with what was held under the one before |
 //! | `failure` | why a run ended that was not asked to |
 
 mod failure;
-mod known;
 mod lease;
 mod ticks;
 
@@ -16,7 +14,7 @@ use std::future::Future;
 use std::pin::Pin;
 use std::time::Duration;
 
-use teleclay_bilateral::LinkState;
+use teleclay_bilateral::{Known, LinkState};
 use teleclay_device::DeviceProfile;
 use teleclay_link::scheme::SchemeContext;
 use teleclay_proto::invite::InviteId;
@@ -43,7 +41,6 @@ use crate::recording::Recording;
 use crate::refresh::Fresh;
 use crate::singularity::SingularityMonitor;
 use crate::status::{Metrics, State, Status};
-use known::Known;
 
 pub use failure::{EXIT_CODES, Failure};
 

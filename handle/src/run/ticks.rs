@@ -3,12 +3,11 @@
 
 use std::time::Duration;
 
-use teleclay_bilateral::LinkState;
+use teleclay_bilateral::{Known, LinkState, is_nothing_new};
 use teleclay_link::scheme::handle_controller;
 use teleclay_proto::Scheme;
 use tokio::time::Instant;
 
-use super::known::{Known, is_nothing_new};
 use super::{Failure, Run};
 use crate::device::DeviceRequest;
 use crate::engine::{Order, Record};

@@ -18,6 +18,7 @@
 mod bricks;
 pub mod bytes;
 mod error;
+mod frames;
 mod pack;
 mod telemetry;
 
@@ -25,6 +26,7 @@ pub use bricks::{
     Brick, BrickBody, BrickContent, BricksHeader, BricksKind, BricksView, BricksWriter,
 };
 pub use error::FrameError;
+pub use frames::{FramesFull, FramesKind, FramesView, FramesWriter, MAX_FRAMES, MAX_SEALED};
 pub use pack::{BRICK_EDGE, BRICK_VOXELS, MAX_PACKED, PackedBrick, pack, unpack};
 pub use telemetry::{MAX_SAMPLES, TelemetryBatch, TelemetrySample, TelemetryView, TooManySamples};
 

@@ -11,13 +11,14 @@ use teleclay_operator::{Intent, Reach};
 use teleclay_proto::join::LoopParameters;
 use teleclay_proto::{Axes, Scheme, ToolDescription};
 use teleclay_session::Lines;
+use teleclay_sim::pointed::{Pointed, PointedSetup};
 use teleclay_sim::rig::{Rig, Setup};
 
 /// A digest's name, and how it is worked out.
 pub type Digest = (&'static str, fn() -> u64);
 
 /// Every digest.
-pub const DIGESTS: [Digest; 7] = [
+pub const DIGESTS: [Digest; 12] = [
     ("clay", teleclay_clay::golden::digest),
     ("surface", surface),
     ("loop_force_exchange", || run(Scheme::ForceExchange)),
@@ -25,6 +26,11 @@ pub const DIGESTS: [Digest; 7] = [
     ("loop_replica", || run(Scheme::Replica)),
     ("loop_tdpa", || run(Scheme::Tdpa)),
     ("loop_wave", || run(Scheme::Wave)),
+    ("pointer_force_exchange", || point(Scheme::ForceExchange)),
+    ("pointer_position_force", || point(Scheme::PositionForce)),
+    ("pointer_replica", || point(Scheme::Replica)),
+    ("pointer_tdpa", || point(Scheme::Tdpa)),
+    ("pointer_wave", || point(Scheme::Wave)),
 ];
 
 /// What a WebAssembly module offers to whoever loads it.
@@ -72,16 +78,64 @@ fn surface() -> u64 {
     places.chain(corners.map(u64::from)).fold(0, fold)
 }
 
-/// Two seconds of the whole loop on virtual time across a bad line: a person cuts, by ball and by blade. Every pose and
-/// every force of every tick, and the clay that results at both ends.
-fn run(scheme: Scheme) -> u64 {
-    let line = Impairment {
+/// What every loop here has between its sides.
+fn bad_line() -> Impairment {
+    Impairment {
         delay: Duration::from_millis(7),
         jitter: Duration::from_millis(2),
         loss: 0.1,
         duplicate: 0.05,
         ..Impairment::default()
-    };
+    }
+}
+
+/// Two seconds of a pointer on a page that cuts across a bad line: every byte that it sends, every place and force of
+/// every tick, and the clay that results.
+fn point(scheme: Scheme) -> u64 {
+    let line = bad_line();
+    let mut pointed = Pointed::new(PointedSetup {
+        parameters: LoopParameters {
+            scheme,
+            home_m: [0.064, 0.032, 0.032 + 0.0064],
+            tool: ToolDescription::Ball { radius_m: 0.0064 },
+            ..LoopParameters::default()
+        },
+        size_m: [0.128, 0.064, 0.032],
+        voxel_size_m: 1e-3,
+        lines: Lines {
+            up: line,
+            up_seed: 3,
+            down: line,
+            down_seed: 4,
+        },
+        wakes_every: 2,
+    })
+    .expect("a loop");
+    let mut digest = 0;
+    for _ in 0..2000 {
+        pointed.tick();
+        let sent = pointed.sent().unwrap_or_default();
+        digest = sent.iter().map(|byte| u64::from(*byte)).fold(digest, fold);
+        let view = pointed.pointer().view();
+        let numbers = [
+            view.hand_m,
+            view.handle_m,
+            view.tool_m,
+            view.felt_force_n,
+            view.hand_force_n,
+        ];
+        let numbers = numbers.as_flattened().iter().map(|number| number.to_bits());
+        digest = numbers.fold(digest, fold);
+        digest = fold(digest, view.clay_hash.unwrap_or_default());
+    }
+    let clay = pointed.session_mut().clay_mut();
+    fold(fold(digest, clay.hash()), clay.removed_units())
+}
+
+/// Two seconds of the whole loop on virtual time across a bad line: a person cuts, by ball and by blade. Every pose and
+/// every force of every tick, and the clay that results at both ends.
+fn run(scheme: Scheme) -> u64 {
+    let line = bad_line();
     let tools = [
         (ToolDescription::Ball { radius_m: 0.0064 }, 0.0064),
         (

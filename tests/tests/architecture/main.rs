@@ -20,7 +20,13 @@ const SEE_EVERYTHING: [&str; 4] = [
 ];
 
 /// Where code knows no clock, thread, file, socket or global chance.
-const PURE: [&str; 3] = ["crates", "proto", "client-web/wasm"];
+const PURE: [&str; 5] = [
+    "crates",
+    "proto",
+    "channel/seal",
+    "client-web/wasm",
+    "client-web/hand",
+];
 
 /// Mathematics, matter, and what else the dashboard's module is made of: they bring nothing along that knows JSON.
 const WITHOUT_SERDE: [&str; 5] = ["control", "kinematics", "clay", "wire", "page"];

@@ -1,13 +1,14 @@
 //! The rooms, and which of them each one uses.
 
 /// Which rooms each room uses, tests of it included: exactly these.
-pub(crate) const USES: [(&str, &[&str]); 27] = [
+pub(crate) const USES: [(&str, &[&str]); 30] = [
     ("control", &[]),
     ("kinematics", &[]),
     ("clay", &[]),
     ("device", &[]),
     ("impedance", &["device"]),
-    ("channel", &[]),
+    ("seal", &[]),
+    ("channel", &["seal"]),
     ("journal", &[]),
     ("rules", &[]),
     ("wire", &[]),
@@ -19,6 +20,18 @@ pub(crate) const USES: [(&str, &[&str]); 27] = [
     ("link", &["clay", "control", "proto"]),
     ("bilateral", &["clay", "control", "device", "link", "proto"]),
     ("session", &["bilateral", "clay", "link", "proto"]),
+    (
+        "pointer",
+        &[
+            "bilateral",
+            "device",
+            "impedance",
+            "link",
+            "proto",
+            "seal",
+            "wire",
+        ],
+    ),
     ("mesh", &["clay"]),
     ("history", &["clay", "link", "proto", "session"]),
     (
@@ -37,8 +50,23 @@ pub(crate) const USES: [(&str, &[&str]); 27] = [
             "journal",
             "link",
             "operator",
+            "pointer",
             "proto",
+            "seal",
             "session",
+            "wire",
+        ],
+    ),
+    (
+        "hand",
+        &[
+            "bilateral",
+            "impedance",
+            "pointer",
+            "proto",
+            "seal",
+            "session",
+            "sim",
         ],
     ),
     ("theory", &["control", "kinematics", "proto", "sim"]),

@@ -2,12 +2,12 @@
 
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestRunner};
+use teleclay_bilateral::lower;
 use teleclay_clay::{BrickView, Clay};
 use teleclay_proto::frame::{POSITION_UNIT_M, SweepRecord, Sweeps};
 use teleclay_proto::http::Validate;
 
 use super::*;
-use crate::refresh::lower;
 
 const CASES: u32 = 2000;
 const TICKS: usize = 1000;

@@ -9,7 +9,7 @@ use hmac::{Hmac, Mac};
 use sha2::Sha256;
 
 use crate::forged::Forged;
-use crate::handshake::Keys;
+use crate::keys::Keys;
 use crate::window::Window;
 
 /// Length of the trailer in bytes: a number of 8, a tag of 16.

@@ -4,9 +4,7 @@
 //! it held when the commands end. So the last command coasts to a stop and the force fades, and only then another loop
 //! takes over, from where the handle stands.
 
-use teleclay_device::DeviceSample;
-
-use crate::device::DeviceCommand;
+use crate::{DeviceCommand, DeviceSample};
 
 /// Time constant of the stop, s: from a fast stroke (0.1 m/s) to rest within 3 mm, at a third of gravity.
 const STOP_TAU_S: f64 = 0.03;
@@ -17,33 +15,37 @@ const LONGEST_S: f64 = 0.3;
 
 /// A stop under way.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Brake {
+pub struct Brake {
     tick_s: f64,
     ramp_s: f64,
     position_m: [f64; 3],
     step_m: [f64; 3],
+    /// Share of a speed that is left a tick later: of `v' = -v / tau`, by the implicit Euler step, which every machine
+    /// rounds alike.
+    keep: f64,
     gain: f64,
     ticks: u32,
 }
 
 impl Brake {
     /// From a command at `position_m` that moved by `step_m` in its last tick. The force fades within `ramp_s`.
-    pub(crate) fn new(position_m: [f64; 3], step_m: [f64; 3], tick_s: f64, ramp_s: f64) -> Self {
+    #[must_use]
+    pub fn new(position_m: [f64; 3], step_m: [f64; 3], tick_s: f64, ramp_s: f64) -> Self {
         Self {
             tick_s,
             ramp_s,
             position_m,
             step_m,
+            keep: STOP_TAU_S / (STOP_TAU_S + tick_s),
             gain: 1.0,
             ticks: 0,
         }
     }
 
     /// The command of the next tick; `force_n` is what the loop would have given.
-    pub(crate) fn step(&mut self, force_n: [f64; 3]) -> DeviceCommand {
-        let keep = (-self.tick_s / STOP_TAU_S).exp();
+    pub fn step(&mut self, force_n: [f64; 3]) -> DeviceCommand {
         for (position_m, step_m) in self.position_m.iter_mut().zip(&mut self.step_m) {
-            *step_m *= keep;
+            *step_m *= self.keep;
             *position_m += *step_m;
         }
         self.gain = (self.gain - self.tick_s / self.ramp_s).max(0.0);
@@ -55,7 +57,8 @@ impl Brake {
     }
 
     /// Whether command and handle are at rest and no force is left, or waiting for it took too long.
-    pub(crate) fn is_done(&self, sample: &DeviceSample) -> bool {
+    #[must_use]
+    pub fn is_done(&self, sample: &DeviceSample) -> bool {
         if self.gain > 0.0 {
             return false;
         }

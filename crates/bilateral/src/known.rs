@@ -9,16 +9,16 @@ use teleclay_proto::join::{Granted, LoopParameters};
 
 /// Up to where a session has come, as last heard of it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Known {
+pub struct Known {
     /// Counts the servers that have run it.
-    pub(super) ownership_epoch: u32,
+    pub ownership_epoch: u32,
     /// Counts its changes.
-    pub(super) revision: u32,
+    pub revision: u32,
 }
 
 impl Known {
     /// As of a lease that is granted.
-    pub(super) fn of(granted: &Granted) -> Self {
+    pub fn of(granted: &Granted) -> Self {
         Self {
             ownership_epoch: granted.ownership_epoch,
             revision: granted.parameters.revision,
@@ -26,7 +26,7 @@ impl Known {
     }
 
     /// Whether the session that grants a lease is this one, later.
-    pub(super) fn is_before(self, granted: &Granted) -> bool {
+    pub fn is_before(self, granted: &Granted) -> bool {
         let then = Self::of(granted);
         is_after(then.ownership_epoch, self.ownership_epoch)
             || then.ownership_epoch == self.ownership_epoch
@@ -37,7 +37,7 @@ impl Known {
 /// Whether a handle side that works with `parameters`, under the lease `held`, is one for the lease `granted` as well:
 /// the same tool, the same block, and nothing else in the loop but what can change while a handle works. Its copy of
 /// the clay follows any epoch by itself.
-pub(super) fn is_same_loop(held: &Granted, granted: &Granted, parameters: &LoopParameters) -> bool {
+pub fn is_same_loop(held: &Granted, granted: &Granted, parameters: &LoopParameters) -> bool {
     let then = granted.parameters;
     let followed = LoopParameters {
         deadband: then.deadband,
@@ -51,7 +51,7 @@ pub(super) fn is_same_loop(held: &Granted, granted: &Granted, parameters: &LoopP
 }
 
 /// Whether two parameters are the same for whoever works with them. The scheme comes with frames.
-pub(super) fn is_nothing_new(before: &LoopParameters, then: &LoopParameters) -> bool {
+pub fn is_nothing_new(before: &LoopParameters, then: &LoopParameters) -> bool {
     let counted = LoopParameters {
         revision: then.revision,
         scheme: then.scheme,
