@@ -16,3 +16,12 @@ pub mod handshake;
 pub use challenge::{Challenges, Unwelcome};
 pub use handshake::{Answering, Asking, Context, Secret};
 pub use teleclay_seal::{Challenge, Channel, Forged, Keys, Purpose, TRAILER};
+
+/// Keys of a lease that is granted on a line which nobody else can read: what a handshake would agree on elsewhere.
+///
+/// # Panics
+/// The system has no randomness.
+#[must_use]
+pub fn fresh_keys() -> Keys {
+    Keys::new(challenge::random(), challenge::random())
+}

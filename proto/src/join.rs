@@ -104,7 +104,8 @@ pub enum JoinReply {
         code: RefusalCode,
         /// Why, for people.
         reason: String,
-        /// For whom the tool is kept, where the code is [`RefusalCode::Reserved`].
+        /// Who holds the tool, where the code is [`RefusalCode::NoFreeTool`]; for whom it is kept, where it is
+        /// [`RefusalCode::Reserved`]; who has stopped the session, where it is [`RefusalCode::Stopped`].
         #[serde(default, skip_serializing_if = "Option::is_none")]
         holder: Option<String>,
     },

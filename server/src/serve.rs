@@ -110,6 +110,7 @@ impl Server {
             home: open_home(&settings)?,
             clay_bytes: settings.clay_bytes,
             slow_endpoint: Some(settings.zenoh_slow.to_string()),
+            clock,
         });
         let config = TickerConfig {
             name: "teleclay-loop",

@@ -9,8 +9,9 @@ use teleclay_proto::SessionId;
 use teleclay_proto::watch::{Level, TelemetrySample};
 use teleclay_session::{EventKind, Exchange, Release, RequestEnd, Settings, Snapshot};
 use tokio::sync::broadcast;
+use tokio::sync::mpsc::UnboundedSender;
 
-use crate::doors::Channels;
+use crate::doors::{Channels, LeaseChannel, Way};
 use crate::engine::{Mirror, SessionRecord, TICK};
 use crate::statistics::SessionStats;
 
@@ -42,6 +43,15 @@ pub struct Event {
     pub time_s: f64,
 }
 
+/// Somebody who held a tool, and is to be told over Zenoh why no longer.
+pub(crate) struct Departure {
+    pub(crate) session: SessionId,
+    pub(crate) slot: usize,
+    pub(crate) holder: Arc<LeaseChannel>,
+    /// In a sentence without its full stop.
+    pub(crate) reason: String,
+}
+
 /// A session, shared by the API, Zenoh and the collector.
 ///
 /// Nobody holds two of `snapshot`, `stats` and `mirror` at once, so none can wait for another in a deadlock.
@@ -64,6 +74,7 @@ pub(crate) struct SessionShared {
     ticks: AtomicU64,
     telemetry: broadcast::Sender<Sample>,
     events: broadcast::Sender<Event>,
+    departures: UnboundedSender<Departure>,
 }
 
 impl SessionShared {
@@ -72,6 +83,7 @@ impl SessionShared {
         snapshot: Snapshot,
         mirror: Clay,
         archive: Option<Archive>,
+        departures: UnboundedSender<Departure>,
     ) -> Self {
         let spec = &snapshot.settings.spec;
         Self {
@@ -91,6 +103,7 @@ impl SessionShared {
             ticks: AtomicU64::new(0),
             telemetry: broadcast::channel(SAMPLES_KEPT).0,
             events: broadcast::channel(EVENTS_KEPT).0,
+            departures,
         }
     }
 
@@ -134,15 +147,36 @@ impl SessionShared {
 
     /// The loop told of a change: the snapshot follows, then watchers and the log hear of it.
     pub(crate) fn take_in(&self, event: &teleclay_session::Event) {
-        let words = {
+        let (words, farewell) = {
             let mut snapshot = self.snapshot();
             let words = in_words(&event.kind, &snapshot);
+            let farewell = farewell(&event.kind, &snapshot);
             snapshot.apply(event);
-            words
+            (words, farewell)
         };
+        if let Some((slot, lease, reason)) = farewell
+            && let Some(holder) = self.channels.at(slot)
+            && holder.lease == lease
+        {
+            self.say_farewell(slot, holder, reason);
+        }
         if let Some((level, text)) = words {
             self.emit_at(level, text, event.tick);
         }
+    }
+
+    /// Tells whoever held a tool why no longer.
+    pub(crate) fn say_farewell(&self, slot: usize, holder: Arc<LeaseChannel>, reason: String) {
+        if let Way::Socket(line) = &holder.way {
+            return line.end(reason);
+        }
+        // Nobody takes it only where the server ends.
+        let _ = self.departures.send(Departure {
+            session: self.id.clone(),
+            slot,
+            holder,
+            reason,
+        });
     }
 
     /// Tells watchers and the log.
@@ -270,6 +304,32 @@ fn in_words(kind: &EventKind, before: &Snapshot) -> Option<(Level, String)> {
             ),
         ),
     })
+}
+
+/// What the holder of a tool is told whose lease has ended for a reason that it may not know: slot, lease and reason.
+fn farewell(kind: &EventKind, before: &Snapshot) -> Option<(usize, u32, String)> {
+    let EventKind::Released {
+        slot,
+        lease,
+        because,
+        ..
+    } = kind
+    else {
+        return None;
+    };
+    let reason = match because {
+        // It has said goodbye itself, or is told by whoever has it leave.
+        Release::Left => return None,
+        Release::RanOut => "no frame has come for as long as a lease lasts".to_owned(),
+        Release::TakenOver => "no frame came, and another operator asked for the tool".to_owned(),
+        Release::Stopped => match &before.stop {
+            Some(stop) => format!("{} has stopped the session: {}", stop.by, stop.reason),
+            None => "the session was stopped".to_owned(),
+        },
+        Release::HandedOver { to } => format!("the tool was handed over to {to}"),
+        Release::TakenAway => "the tool was taken away".to_owned(),
+    };
+    Some((*slot, *lease, reason))
 }
 
 /// The place of a tool among a session's.

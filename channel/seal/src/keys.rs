@@ -16,6 +16,15 @@ impl Keys {
             of_server,
         }
     }
+
+    /// The handle's, then the server's: for a handle on a line that nobody else can read.
+    #[must_use]
+    pub fn to_bytes(&self) -> [u8; 64] {
+        let mut bytes = [0; 64];
+        bytes[..32].copy_from_slice(&self.of_handle);
+        bytes[32..].copy_from_slice(&self.of_server);
+        bytes
+    }
 }
 
 impl std::fmt::Debug for Keys {

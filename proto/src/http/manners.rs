@@ -38,10 +38,24 @@ impl Stop {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct StopRequest {
+    /// Who stops, for people; 1 to 64 characters. Left out, it is whoever the token is known as.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(min_length = 1, max_length = 64)]
+    pub operator: Option<String>,
     /// Why, for people; 1 to 128 characters.
     #[serde(default = "no_reason")]
     #[schema(min_length = 1, max_length = 128, default = "no reason given")]
     pub reason: String,
+}
+
+/// Body of the call that clears a stop. All of it may be left out.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct StopClearing {
+    /// Who clears it, for people; 1 to 64 characters. Left out, it is whoever the token is known as.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(min_length = 1, max_length = 64)]
+    pub operator: Option<String>,
 }
 
 /// Body of the calls that ask for a tool, withdraw that, and grant it.
@@ -91,8 +105,19 @@ impl Validate for Stop {
 
 impl Validate for StopRequest {
     fn validate(&self) -> Result<(), FieldError> {
+        check_operator(self.operator.as_ref())?;
         check_reason("/reason", &self.reason)
     }
+}
+
+impl Validate for StopClearing {
+    fn validate(&self) -> Result<(), FieldError> {
+        check_operator(self.operator.as_ref())
+    }
+}
+
+fn check_operator(operator: Option<&String>) -> Result<(), FieldError> {
+    operator.map_or(Ok(()), |operator| check_name("/operator", operator))
 }
 
 impl Validate for ControlRequest {
@@ -108,7 +133,8 @@ impl Validate for Denial {
     }
 }
 
-const NO_REASON: &str = "no reason given";
+/// What stands for a reason that nobody gave.
+pub const NO_REASON: &str = "no reason given";
 
 fn no_reason() -> String {
     NO_REASON.to_owned()

@@ -27,7 +27,8 @@ pub use history::{
     DamagedSession, DamagedState, Duplicate, History, ListedSession, Redo, StrokeReport, Undo,
 };
 pub use manners::{
-    ControlRequest, Denial, MAX_NAME, MAX_REASON, Stop, StopRequest, check_name, check_reason,
+    ControlRequest, Denial, MAX_NAME, MAX_REASON, NO_REASON, Stop, StopClearing, StopRequest,
+    check_name, check_reason,
 };
 pub use network::{Burst, Impairment, JitterDistribution, Network, Outage};
 pub use patch::{

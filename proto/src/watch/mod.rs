@@ -5,8 +5,8 @@ mod text;
 
 pub use teleclay_wire::{
     BRICK_EDGE, BRICK_VOXELS, Brick, BrickBody, BrickContent, BricksHeader, BricksKind, BricksView,
-    BricksWriter, FrameError, Kind, MAGIC, MAX_MESSAGE, MAX_PACKED, MAX_SAMPLES, Message,
-    PackedBrick, TelemetryBatch, TelemetrySample, TelemetryView, TooManySamples, VERSION, pack,
-    renumber, unpack,
+    BricksWriter, FrameError, FramesKind, FramesView, FramesWriter, Kind, MAGIC, MAX_FRAMES,
+    MAX_FRAMES_MESSAGE, MAX_MESSAGE, MAX_PACKED, MAX_SAMPLES, Message, PackedBrick, TelemetryBatch,
+    TelemetrySample, TelemetryView, TooManySamples, VERSION, pack, renumber, unpack,
 };
-pub use text::{ClientText, Level, ServerText, Switch};
+pub use text::{ClientText, HandDevice, Level, ServerText, Switch};

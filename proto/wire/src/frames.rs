@@ -17,6 +17,9 @@ pub const MAX_FRAMES: usize = 64;
 /// Longest frame with its trailer, bytes: one fits a datagram on any path.
 pub const MAX_SEALED: usize = 1224;
 
+/// Longest message of frames, bytes.
+pub const MAX_FRAMES_MESSAGE: usize = FIXED + MAX_FRAMES * (LENGTH + MAX_SEALED);
+
 /// Which way frames go. They are the kinds 3 and 4 of the messages on a WebSocket; those who only watch know neither.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
@@ -86,7 +89,7 @@ impl FramesWriter {
             kind,
             sequence: 0,
             count: 0,
-            message: Vec::with_capacity(FIXED + MAX_FRAMES * (LENGTH + MAX_SEALED)),
+            message: Vec::with_capacity(MAX_FRAMES_MESSAGE),
         };
         writer.begin();
         writer
@@ -121,6 +124,18 @@ impl FramesWriter {
         let count = self.count.to_le_bytes();
         self.message[COUNT_AT..COUNT_AT + count.len()].copy_from_slice(&count);
         Ok(())
+    }
+
+    /// How many frames were written since the last restart.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.count.into()
+    }
+
+    /// Whether there is none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.count == 0
     }
 
     /// The message, if it holds a frame.

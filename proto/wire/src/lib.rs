@@ -26,7 +26,9 @@ pub use bricks::{
     Brick, BrickBody, BrickContent, BricksHeader, BricksKind, BricksView, BricksWriter,
 };
 pub use error::FrameError;
-pub use frames::{FramesFull, FramesKind, FramesView, FramesWriter, MAX_FRAMES, MAX_SEALED};
+pub use frames::{
+    FramesFull, FramesKind, FramesView, FramesWriter, MAX_FRAMES, MAX_FRAMES_MESSAGE, MAX_SEALED,
+};
 pub use pack::{BRICK_EDGE, BRICK_VOXELS, MAX_PACKED, PackedBrick, pack, unpack};
 pub use telemetry::{MAX_SAMPLES, TelemetryBatch, TelemetrySample, TelemetryView, TooManySamples};
 

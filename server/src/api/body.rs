@@ -6,16 +6,16 @@ use axum::extract::rejection::{BytesRejection, FailedToBufferBody};
 use axum::extract::{FromRequest, FromRequestParts, OriginalUri, Path, Request};
 use axum::http::request::Parts;
 use axum::http::{HeaderMap, header};
-use serde::Serialize;
 use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
 use teleclay_proto::SessionId;
 use teleclay_proto::http::{Validate, parse};
 use tokio::time::timeout;
 
 use super::Api;
 use super::problem::{
-    Failure, MEDIA_TYPE, NO_SUCH_SESSION, PATH, SESSION_DAMAGED, SLOW_BODY, SYNTAX, TOO_LARGE,
-    path_of,
+    Failure, MEDIA_TYPE, NO_SUCH_SESSION, NO_SUCH_TOOL, PATH, SESSION_DAMAGED, SLOW_BODY, SYNTAX,
+    TOO_LARGE, path_of,
 };
 use crate::directory::Live;
 
@@ -96,6 +96,33 @@ fn incomplete(rejection: &BytesRejection) -> Failure {
     }
 }
 
+#[derive(Deserialize)]
+struct InPath {
+    id: String,
+}
+
+#[derive(Deserialize)]
+struct ToolInPath {
+    tool: String,
+}
+
+/// The number of the tool that the path names. Whether the session has one of that number, the session says.
+pub(crate) struct Tool(pub(crate) u32);
+
+impl FromRequestParts<Api> for Tool {
+    type Rejection = Failure;
+
+    async fn from_request_parts(parts: &mut Parts, api: &Api) -> Result<Self, Failure> {
+        let Path(ToolInPath { tool }) = Path::<ToolInPath>::from_request_parts(parts, api)
+            .await
+            .map_err(|rejection| PATH.because(rejection.body_text()))?;
+        let number = tool.parse().map_err(|_| {
+            NO_SUCH_TOOL.because(format!("{tool:.20} is no number of a tool, from 1"))
+        })?;
+        Ok(Self(number))
+    }
+}
+
 /// The session that the path names.
 pub(crate) struct Found {
     pub(crate) id: SessionId,
@@ -106,7 +133,7 @@ impl FromRequestParts<Api> for Found {
     type Rejection = Failure;
 
     async fn from_request_parts(parts: &mut Parts, api: &Api) -> Result<Self, Failure> {
-        let Path(name) = Path::<String>::from_request_parts(parts, api)
+        let Path(InPath { id: name }) = Path::<InPath>::from_request_parts(parts, api)
             .await
             .map_err(|rejection| PATH.because(rejection.body_text()))?;
         // What is no name names no session: there is one way to say so, whatever the reason.

@@ -2,7 +2,7 @@
 
 use axum::Router;
 use axum::extract::Request;
-use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use rust_embed::{EmbeddedFile, RustEmbed};
@@ -81,6 +81,12 @@ fn file(path: &str, file: EmbeddedFile, asked: &HeaderMap) -> Response {
         "no-cache"
     };
     for (name, value) in [
+        // With the policy on openers, which every answer has, it isolates the page: a worker can then sleep to the
+        // fraction of a millisecond.
+        (
+            HeaderName::from_static("cross-origin-embedder-policy"),
+            "require-corp",
+        ),
         (header::CACHE_CONTROL, caching),
         (header::CONTENT_SECURITY_POLICY, POLICY),
         (header::CONTENT_TYPE, file.metadata.mimetype()),

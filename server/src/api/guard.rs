@@ -105,7 +105,13 @@ struct Need<'a> {
 impl<'a> Need<'a> {
     fn of(method: &Method, path: &'a str) -> Self {
         let reads = matches!(*method, Method::GET | Method::HEAD | Method::OPTIONS);
-        let role = if reads { Role::Spectator } else { Role::Admin };
+        let role = if reads {
+            Role::Spectator
+        } else if is_manners(path) {
+            Role::Operator
+        } else {
+            Role::Admin
+        };
         let call = path.strip_prefix("/api/v1/").unwrap_or(path);
         let (first, rest) = call.split_once('/').unwrap_or((call, ""));
         let about = match (first, rest) {
@@ -146,6 +152,18 @@ impl<'a> Need<'a> {
                 .because("this concerns the whole server, and the invite is to one session")),
             _ => check_role(pass, self.role),
         }
+    }
+}
+
+/// Whether a call is one that whoever operates may make: a stop, and what concerns who holds which tool.
+fn is_manners(path: &str) -> bool {
+    let mut parts = path.trim_start_matches("/api/v1/").split('/').skip(2);
+    match (parts.next(), parts.next(), parts.next(), parts.next()) {
+        (Some("stop"), None, None, None) | (Some("stop"), Some("clear"), None, None) => true,
+        (Some("tools"), Some(_), Some(word), None) => {
+            matches!(word, "request" | "withdraw" | "grant" | "deny" | "release")
+        }
+        _ => false,
     }
 }
 
@@ -436,9 +454,34 @@ mod tests {
             let need = Need::of(&method, path);
             (need.role, need.about)
         };
-        let (spectator, admin) = (Role::Spectator, Role::Admin);
+        let (spectator, operator, admin) = (Role::Spectator, Role::Operator, Role::Admin);
         for (method, path, needed) in [
             (Method::GET, "/api/v1/sessions", (spectator, About::Nothing)),
+            (
+                Method::POST,
+                "/api/v1/sessions/a/stop",
+                (operator, About::Session("a")),
+            ),
+            (
+                Method::POST,
+                "/api/v1/sessions/a/stop/clear",
+                (operator, About::Session("a")),
+            ),
+            (
+                Method::POST,
+                "/api/v1/sessions/a/tools/1/grant",
+                (operator, About::Session("a")),
+            ),
+            (
+                Method::POST,
+                "/api/v1/sessions/a/tools/1/grant/more",
+                (admin, About::Session("a")),
+            ),
+            (
+                Method::POST,
+                "/api/v1/sessions/stop/undo",
+                (admin, About::Session("stop")),
+            ),
             (Method::POST, "/api/v1/sessions", (admin, About::Server)),
             (
                 Method::GET,

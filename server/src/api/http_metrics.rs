@@ -29,6 +29,7 @@ pub(crate) struct HttpMetrics {
     ended: Mutex<BTreeMap<&'static str, u64>>,
     sent_bytes: AtomicU64,
     dropped: AtomicU64,
+    forgotten: AtomicU64,
 }
 
 impl HttpMetrics {
@@ -66,6 +67,15 @@ impl HttpMetrics {
 
     pub(crate) fn count_dropped(&self, samples: u32) {
         self.dropped.fetch_add(samples.into(), Ordering::Relaxed);
+    }
+
+    /// Frames for hands whose sockets were not read.
+    pub(crate) fn forgotten(&self) -> u64 {
+        self.forgotten.load(Ordering::Relaxed)
+    }
+
+    pub(crate) fn count_forgotten(&self, frames: u64) {
+        self.forgotten.fetch_add(frames, Ordering::Relaxed);
     }
 }
 

@@ -3,6 +3,7 @@
 //! | module | holds |
 //! |---|---|
 //! | [`sessions`], [`clay`], [`theory`] | the calls of `/api/v1` |
+//! | [`manners`] | who holds which tool, and the stop |
 //! | [`stream`] | the WebSocket |
 //! | [`health`], [`metrics`] | probes |
 //! | [`openapi`], [`docs`] | the description of all of it, and the page to browse it |
@@ -25,6 +26,7 @@ mod health;
 mod history;
 mod http_metrics;
 mod import;
+mod manners;
 mod metrics;
 mod openapi;
 mod pages;
@@ -142,6 +144,7 @@ fn calls_of_version_1() -> OpenApiRouter<Api> {
         .merge(clay::routes())
         .merge(history::routes())
         .merge(import::routes())
+        .merge(manners::routes())
         .merge(theory::routes())
         .merge(stream::routes())
 }

@@ -67,6 +67,7 @@ refusals!(DocumentRefusals in ANYWHERE:);
     tags(
         (name = "sessions", description = "What runs, and what it is told to be"),
         (name = "clay", description = "The clay of a session"),
+        (name = "operators", description = "Who holds which tool, and the stop"),
         (name = "watching", description = "A session as it happens"),
         (name = "theory", description = "The published mathematics: robot, loop, experiment"),
         (name = "probes", description = "For supervisors and monitoring"),

@@ -57,6 +57,8 @@ kinds! {
         "The interface is described at /api/docs.";
     NO_SUCH_SESSION = NOT_FOUND "no-such-session", "there is no such session",
         "GET /api/v1/sessions lists the sessions there are.";
+    NO_SUCH_TOOL = NOT_FOUND "no-such-tool", "there is no such tool",
+        "A session's tools are numbered from 1; its state lists them.";
     METHOD = METHOD_NOT_ALLOWED "method", "the method is not offered here",
         "The header Allow lists those that are.";
     SLOW_BODY = REQUEST_TIMEOUT "slow-body", "the body did not come in time",
@@ -71,6 +73,16 @@ kinds! {
         "No stroke of the present block can be undone or redone as asked.";
     NOT_KEPT = CONFLICT "not-kept", "that is no longer kept",
         "A session's history is kept up to a bound on disk, and not at all by a server that was started with --ephemeral.";
+    STOPPED = CONFLICT "stopped", "the session is stopped",
+        "Somebody has stopped it, and nobody gets a tool until that is cleared: POST /api/v1/sessions/{id}/stop/clear.";
+    NOT_STOPPED = CONFLICT "not-stopped", "the session is not stopped",
+        "There is no stop to be cleared.";
+    CONTROL = CONFLICT "control", "the tool is held otherwise",
+        "What was asked for does not fit who holds the tool and who has asked for it; the detail says how.";
+    NO_LEASE = CONFLICT "no-lease", "this socket holds no tool",
+        "Frames, parameters and snapshots are for the hand that has joined on the same socket.";
+    OTHER_BLOCK = CONFLICT "other-block", "the clay is another block by now",
+        "The block that was asked for is gone; the state tells which one there is.";
     CLAY_MEMORY = CONFLICT "clay-memory", "there is no memory for so much clay",
         "The clay of all sessions has a bound, --clay-memory; the detail says what is free. Take larger voxels, or delete a session.";
     TOO_LARGE = PAYLOAD_TOO_LARGE "too-large", "the body is too large",

@@ -8,14 +8,16 @@ use teleclay_proto::SessionId;
 use teleclay_proto::http::{
     ClayReset, Duplicate, ListedSession, NewSession, Session, SessionPatch,
 };
+use teleclay_session::Refusal;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
 use super::body::{Checked, Found, Named, no_such_session};
 use super::openapi::refusals;
 use super::problem::{
-    CLAY_MEMORY, FIELD, Failure, MEDIA_TYPE, NO_ANSWER, NO_SUCH_SESSION, PATH, SESSION_DAMAGED,
-    SESSION_EXISTS, SLOW_BODY, SYNTAX, TOO_LARGE, TOO_MANY_SESSIONS, UNAVAILABLE,
+    CLAY_MEMORY, CONTROL, FIELD, Failure, MEDIA_TYPE, NO_ANSWER, NO_SUCH_SESSION, NO_SUCH_TOOL,
+    NOT_STOPPED, PATH, SESSION_DAMAGED, SESSION_EXISTS, SLOW_BODY, STOPPED, SYNTAX, TOO_LARGE,
+    TOO_MANY_SESSIONS, UNAVAILABLE,
 };
 use super::{Api, see_through};
 use crate::directory::{ChangeError, CreateError, NoSuchSession};
@@ -36,7 +38,21 @@ pub(crate) fn change_failure(error: ChangeError, id: &SessionId) -> Failure {
         ChangeError::Field(error) => error.into(),
         ChangeError::NoMemory(error) => CLAY_MEMORY.because(error.to_string()),
         ChangeError::Gone => no_such_session(id),
-        ChangeError::Refused(refusal) => NO_ANSWER.because(format!("session {id}: {refusal}")),
+        ChangeError::Refused(refusal) => {
+            let kind = match refusal {
+                Refusal::Stopped { .. } => STOPPED,
+                Refusal::NotStopped => NOT_STOPPED,
+                Refusal::NoSuchTool { .. } => NO_SUCH_TOOL,
+                Refusal::NotHeld { .. }
+                | Refusal::HeldByAsker { .. }
+                | Refusal::AskedAlready { .. }
+                | Refusal::TooManyRequests { .. }
+                | Refusal::NoSuchRequest { .. }
+                | Refusal::NoSuchLease { .. } => CONTROL,
+                _ => NO_ANSWER,
+            };
+            kind.because(format!("session {id}: {refusal}"))
+        }
         ChangeError::Timeout => {
             NO_ANSWER.because(format!("session {id} did not take the change up"))
         }

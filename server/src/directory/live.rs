@@ -13,6 +13,7 @@ use teleclay_session::{Command, Operator, Outcome, Prepared, Refusal, Rules, Set
 use tokio::sync::broadcast;
 
 use super::Inner;
+use super::joining::NotGranted;
 use super::orders::{ChangeError, ORDER_TIMEOUT};
 use crate::doors::{Channels, LeaseChannel};
 use crate::engine::{Mirror, TICK};
@@ -115,12 +116,12 @@ impl Live {
     /// Gives a tool to an operator.
     ///
     /// # Errors
-    /// Code and reason of the refusal.
+    /// Why not.
     pub(super) async fn grant(
         &self,
         request: &JoinRequest,
         inner: &Inner,
-    ) -> Result<Granted, (RefusalCode, String)> {
+    ) -> Result<Granted, NotGranted> {
         let operator = Operator {
             name: request.operator.clone(),
             device: request.device.clone(),
@@ -188,7 +189,7 @@ impl Live {
     }
 
     /// Carries a command out and gives the session as it is then, under the revision that the command made.
-    async fn change(&self, command: Command) -> Result<Session, ChangeError> {
+    pub(super) async fn change(&self, command: Command) -> Result<Session, ChangeError> {
         let outcome = self.carry_out(command).await?;
         Ok(Session {
             revision: outcome.revision,
@@ -266,28 +267,54 @@ impl Live {
         Settings::clone(&self.shared.snapshot().settings)
     }
 
-    fn why_not(&self, error: &ChangeError) -> (RefusalCode, String) {
+    fn why_not(&self, error: &ChangeError) -> NotGranted {
         let id = &self.shared.id;
-        match error {
-            ChangeError::Refused(Refusal::NoFreeTool { tools }) => (
-                RefusalCode::NoFreeTool,
-                format!("all {tools} tools of session `{id}` are held"),
+        let (code, reason, holder) = match error {
+            ChangeError::Refused(Refusal::NoFreeTool { tools }) => {
+                let holders = self.holders();
+                let by = match &holders[..] {
+                    [] => String::new(),
+                    names => format!(", by {}", names.join(" and ")),
+                };
+                (
+                    RefusalCode::NoFreeTool,
+                    format!("all {tools} tools of session `{id}` are held{by}"),
+                    holders.into_iter().next(),
+                )
+            }
+            ChangeError::Refused(refusal @ Refusal::Stopped { by, .. }) => (
+                RefusalCode::Stopped,
+                format!("session `{id}`: {refusal}"),
+                Some(by.to_string()),
             ),
-            ChangeError::Refused(refusal @ Refusal::Stopped { .. }) => {
-                (RefusalCode::Stopped, format!("session `{id}`: {refusal}"))
-            }
-            ChangeError::Refused(refusal @ Refusal::Reserved { .. }) => {
-                (RefusalCode::Reserved, format!("session `{id}`: {refusal}"))
-            }
-            ChangeError::Field(error) => (RefusalCode::BadRequest, error.to_string()),
+            ChangeError::Refused(refusal @ Refusal::Reserved { holder }) => (
+                RefusalCode::Reserved,
+                format!("session `{id}`: {refusal}"),
+                Some(holder.to_string()),
+            ),
+            ChangeError::Field(error) => (RefusalCode::BadRequest, error.to_string(), None),
             ChangeError::Gone => (
                 RefusalCode::NoSuchSession,
                 format!("there is no session `{id}` on this server any more"),
+                None,
             ),
             ChangeError::Refused(_) | ChangeError::NoMemory(_) | ChangeError::Timeout => {
-                (RefusalCode::Busy, error.to_string())
+                (RefusalCode::Busy, error.to_string(), None)
             }
+        };
+        NotGranted {
+            code,
+            reason,
+            holder,
         }
+    }
+
+    /// The names of those who hold its tools.
+    fn holders(&self) -> Vec<String> {
+        let snapshot = self.shared.snapshot();
+        let holders = snapshot.tools.iter();
+        let holders = holders.filter_map(|tool| tool.holder.as_ref());
+        holders.map(|holder| holder.operator.name.clone()).collect()
     }
 
     /// Waits until the statistics know of the session at all.

@@ -1,8 +1,10 @@
 //! The directory: which sessions there are, and the way to each. The API and Zenoh both come here. It knows no rule of
 //! a session: those are in `crates/session`.
 
+mod joining;
 mod kept;
 mod live;
+mod manners;
 mod orders;
 mod room;
 
@@ -13,32 +15,30 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use rtrb::Producer;
-use teleclay_channel::Channel;
 use teleclay_clay::Clay;
 use teleclay_keeping::{Archive, Home, HomeError, Keeper};
 use teleclay_link::time::Timestamp;
 use teleclay_proto::http::{
     DamagedSession, DamagedState, FieldError, ListedSession, NewSession, Readiness,
-    Session as SessionJson, StorageReport, StorageState, TickQuantiles, parse,
-};
-use teleclay_proto::join::{
-    ChallengeReply, ChallengeRequest, Granted, JoinReply, JoinRequest, RefusalCode, SealedJoin,
-    SealedReply,
+    Session as SessionJson, StorageReport, StorageState, TickQuantiles,
 };
 use teleclay_proto::watch::Level;
-use teleclay_proto::{NodeName, PROTOCOL, SessionId};
+use teleclay_proto::{NodeName, SessionId};
 use teleclay_session::{Rules, Session, SessionSetup, Settings};
 use teleclay_shell::Clock;
+use tokio::sync::mpsc::{UnboundedReceiver, UnboundedSender, unbounded_channel};
 use tokio::sync::watch;
 
 use crate::collector::{Notice, notify};
-use crate::doors::{Doors, Heard, LeaseChannel, Pass, TO_HOLD_A_TOOL};
+use crate::doors::Doors;
 use crate::engine::{Answer, FramesIn, Order, Running, Task};
-use crate::session::{SessionShared, slot_of};
+use crate::session::{Departure, SessionShared};
 use crate::statistics::LoopStats;
 
+pub(crate) use joining::{NotGranted, SocketGrant};
 pub use kept::{ImportError, PastFailure};
 pub use live::{ClayView, Live};
+pub(crate) use manners::Control;
 pub use orders::{ChangeError, NoMemory};
 
 use orders::Orders;
@@ -103,6 +103,10 @@ struct Inner {
     home: Option<Arc<Home>>,
     clay_bytes: u64,
     slow_endpoint: Option<String>,
+    clock: Clock,
+    /// Holders who are to be told that their lease has ended; they go to whoever has the lines.
+    departures: UnboundedSender<Departure>,
+    departed: Mutex<Option<UnboundedReceiver<Departure>>>,
 }
 
 struct Entry {
@@ -122,6 +126,7 @@ pub(crate) struct Parts {
     /// Memory for the clay of all sessions.
     pub(crate) clay_bytes: u64,
     pub(crate) slow_endpoint: Option<String>,
+    pub(crate) clock: Clock,
 }
 
 impl Directory {
@@ -129,6 +134,7 @@ impl Directory {
         // Leases of an earlier run of the server must not be taken for ones of this run.
         let seed = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
         let first_lease = seed.map_or(1, |since| (since.as_millis() as u32) | 1);
+        let (departures, departed) = unbounded_channel();
         Self(Arc::new(Inner {
             sessions: Mutex::new(HashMap::new()),
             damaged: Mutex::new(HashMap::new()),
@@ -145,6 +151,9 @@ impl Directory {
             home: parts.home,
             clay_bytes: parts.clay_bytes,
             slow_endpoint: parts.slow_endpoint,
+            clock: parts.clock,
+            departures,
+            departed: Mutex::new(Some(departed)),
         }))
     }
 
@@ -292,7 +301,13 @@ impl Directory {
         let (keeper, archive) = kept.unzip();
         let number = self.0.next_number.fetch_add(1, Ordering::Relaxed);
         let snapshot = session.snapshot();
-        let shared = Arc::new(SessionShared::new(number, snapshot, mirror, archive));
+        let shared = Arc::new(SessionShared::new(
+            number,
+            snapshot,
+            mirror,
+            archive,
+            self.0.departures.clone(),
+        ));
         let (running, ends) = Running::new(number, session, keeper);
         let live = Live::new(Arc::clone(&shared), Arc::downgrade(&self.0));
         {
@@ -402,124 +417,19 @@ impl Directory {
             .cloned()
     }
 
+    /// The clock that frames are stamped with.
+    pub(crate) fn clock(&self) -> Clock {
+        self.0.clock
+    }
+
+    /// The holders who are to be told that their lease has ended, for the first who asks.
+    pub(crate) fn departed(&self) -> Option<UnboundedReceiver<Departure>> {
+        self.0.departed.lock().expect("no holder panics").take()
+    }
+
     /// What a join has to show.
     pub(crate) fn doors(&self) -> &Arc<Doors> {
         &self.0.doors
-    }
-
-    /// A challenge for a join to session `id`, or why none can be granted.
-    pub(crate) fn challenge(&self, id: &SessionId, request: ChallengeRequest) -> ChallengeReply {
-        match self.find_session(id, request.protocol) {
-            Ok(_) => ChallengeReply::Given {
-                challenge: self.0.doors.challenge(),
-                needs_token: self.0.doors.needs_token(),
-            },
-            Err((code, reason)) => ChallengeReply::Refused { code, reason },
-        }
-    }
-
-    /// Gives a tool to an operator, if the join that was asked on `key` shows the secret. Says nothing to one that
-    /// answers another server's challenge.
-    pub(crate) async fn join(
-        &self,
-        id: &SessionId,
-        key: &str,
-        join: &SealedJoin,
-    ) -> Option<SealedReply> {
-        let Heard {
-            payload,
-            answering,
-            pass,
-        } = match self.0.doors.hear(key, id, join) {
-            Ok(heard) => heard,
-            Err(unheard) => {
-                return unheard.map(|(code, reason)| SealedReply::Refused { code, reason });
-            }
-        };
-        let answer = |reply: &JoinReply| {
-            answering.answer(&serde_json::to_vec(reply).expect("plain data has a JSON form"))
-        };
-        let admitted = self.admit(id, &payload, &pass).await;
-        match &admitted {
-            Ok((_, granted)) => {
-                let outcome = format!("lease {} of tool {}", granted.lease, granted.tool);
-                self.0.doors.tell(&pass.who, "join", Some(id), &outcome);
-            }
-            Err((code, _)) => self
-                .0
-                .doors
-                .tell_refused(&pass.who, "join", Some(id), code.word()),
-        }
-        let message = match admitted {
-            Ok((live, granted)) => {
-                let (slot, lease) = (slot_of(granted.tool), granted.lease);
-                let (message, keys) = answer(&JoinReply::Granted(Box::new(granted)));
-                // Before the answer is on its way: the first frame may follow at once.
-                let channel = Channel::of_server(&keys);
-                let holder = LeaseChannel {
-                    lease,
-                    channel,
-                    pass,
-                };
-                live.shared.channels.open(slot, holder);
-                message
-            }
-            Err((code, reason)) => answer(&JoinReply::refused(code, reason)).0,
-        };
-        Some(SealedReply::Answered { message })
-    }
-
-    async fn admit(
-        &self,
-        id: &SessionId,
-        payload: &[u8],
-        pass: &Pass,
-    ) -> Result<(Live, Granted), (RefusalCode, String)> {
-        if !pass.covers(id) || pass.role < TO_HOLD_A_TOOL {
-            let reason = format!("the invite does not let anybody hold a tool of session `{id}`");
-            return Err((RefusalCode::NotAllowed, reason));
-        }
-        let request: JoinRequest =
-            parse(payload).map_err(|error| (RefusalCode::BadRequest, error.to_string()))?;
-        let live = self.find_session(id, request.protocol)?;
-        let granted = live.grant(&request, &self.0).await?;
-        Ok((live, granted))
-    }
-
-    /// Takes the tools of those whose invite has ended. Gives the sessions, slots and lines of whoever lost one.
-    pub(crate) async fn let_go_of_guests(&self) -> Vec<(Live, usize, Arc<LeaseChannel>)> {
-        let mut gone = Vec::new();
-        for live in self.lives() {
-            for (slot, holder) in live.channels().holders() {
-                let holds = live.shared.snapshot().slot_of(holder.lease).is_some();
-                if !holds || self.0.doors.is_good(&holder.pass) {
-                    continue;
-                }
-                // It may have left meanwhile.
-                if live.leave(holder.lease).await.is_err() {
-                    continue;
-                }
-                let who = &holder.pass.who;
-                self.0
-                    .doors
-                    .tell(who, "leave", Some(live.id()), "the invite has ended");
-                let words = format!("lease {} was taken back: {who} has ended", holder.lease);
-                live.shared.emit(Level::Warning, words);
-                gone.push((live.clone(), slot, holder));
-            }
-        }
-        gone
-    }
-
-    fn find_session(&self, id: &SessionId, protocol: u32) -> Result<Live, (RefusalCode, String)> {
-        if protocol != PROTOCOL {
-            let reason = format!("this server speaks protocol {PROTOCOL}, the request {protocol}");
-            return Err((RefusalCode::ProtocolMismatch, reason));
-        }
-        self.session(id).ok_or_else(|| {
-            let reason = format!("there is no session `{id}` on this server");
-            (RefusalCode::NoSuchSession, reason)
-        })
     }
 }
 

@@ -3,11 +3,11 @@
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use teleclay_channel::{Channel, Forged, Purpose, TRAILER};
+use teleclay_channel::{Channel, Forged, Keys, Purpose, TRAILER};
 use teleclay_proto::http::parse;
 use teleclay_proto::join::LeaseRequest;
 
-use super::Pass;
+use super::{Pass, SocketLine};
 use crate::engine::TOOLS;
 
 /// One lease's end of the line.
@@ -17,6 +17,28 @@ pub(crate) struct LeaseChannel {
     pub(crate) channel: Channel,
     /// Whose it is.
     pub(crate) pass: Pass,
+    /// How its frames go to the handle.
+    pub(crate) way: Way,
+}
+
+/// How frames go to a handle.
+#[derive(Clone, Debug)]
+pub(crate) enum Way {
+    /// They are put on its key.
+    Zenoh,
+    /// They wait for its socket.
+    Socket(Arc<SocketLine>),
+}
+
+impl LeaseChannel {
+    pub(crate) fn new(lease: u32, keys: &Keys, pass: Pass, way: Way) -> Self {
+        Self {
+            lease,
+            channel: Channel::of_server(keys),
+            pass,
+            way,
+        }
+    }
 }
 
 /// What the present and the last holders of a session's tools speak through.

@@ -13,6 +13,7 @@ pub mod certificates;
 mod channels;
 pub mod command;
 mod pass;
+mod socket_line;
 
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant, SystemTime};
@@ -24,8 +25,9 @@ use teleclay_proto::SessionId;
 use teleclay_proto::invite::{InviteId, InviteToken, Role};
 use teleclay_proto::join::{RefusalCode, SealedJoin};
 
-pub(crate) use channels::{Channels, LeaseChannel};
+pub(crate) use channels::{Channels, LeaseChannel, Way};
 pub(crate) use pass::{Pass, Who};
+pub(crate) use socket_line::SocketLine;
 
 /// What is said to a join that is not heard, code and reason for anybody; nothing to one that another server is asked.
 pub(crate) type Unheard = Option<(RefusalCode, String)>;

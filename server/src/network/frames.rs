@@ -18,7 +18,7 @@ use zenoh::Session;
 use zenoh::Wait;
 
 use crate::directory::{Directory, Live};
-use crate::doors::LeaseChannel;
+use crate::doors::{LeaseChannel, Way};
 use crate::engine::{FramesIn, Incoming, Outgoing, TOOLS};
 
 /// The sender looks into its ring at least this often, should a wake-up get lost.
@@ -145,9 +145,14 @@ fn send_until(stop: &AtomicBool, sending: Sending) {
             // A lease that has just been granted has no channel yet, and nobody who listens.
             let holder = line.holder.as_ref().filter(|holder| holder.lease == lease);
             let Some(holder) = holder else { continue };
+            let bytes = frame.encode(&mut buffer);
+            let trailer = holder.channel.trailer(Purpose::Frame, bytes);
+            if let Way::Socket(socket) = &holder.way {
+                socket.push(bytes, &trailer);
+                continue;
+            }
             sealed.clear();
-            sealed.extend_from_slice(frame.encode(&mut buffer));
-            let trailer = holder.channel.trailer(Purpose::Frame, &sealed);
+            sealed.extend_from_slice(bytes);
             sealed.extend_from_slice(&trailer);
             // An error means that the session is closing.
             let _ = line.publisher.put(&sealed[..]).wait();

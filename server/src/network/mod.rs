@@ -3,7 +3,7 @@
 //! | module | does |
 //! |---|---|
 //! | `frames` | frames, from the network to the tick and from the tick to the network |
-//! | `guests` | what becomes of those whose invite ends |
+//! | `guests` | what becomes of those who lose their tool |
 //! | `queries` | what is asked |
 //! | `publish` | what is told without being asked, where everybody may know it |
 //! | `rules` | what Zenoh itself lets others do |
@@ -28,6 +28,7 @@ use zenoh::Session;
 use crate::directory::Directory;
 
 pub(crate) use frames::{FedSender, Sender};
+pub(crate) use publish::bricks;
 
 use frames::{Sending, receive_frames};
 use publish::{publish_bricks, publish_state, show_sessions};
@@ -87,11 +88,14 @@ impl Network {
                 .await
                 .map_err(failed)?;
         }
-        tokio::spawn(guests::let_go_of_guests(
-            control.clone(),
-            realm.clone(),
-            directory.clone(),
-        ));
+        tokio::spawn(guests::let_go_of_guests(control.clone(), directory.clone()));
+        if let Some(departed) = directory.departed() {
+            tokio::spawn(guests::say_farewells(
+                control.clone(),
+                realm.clone(),
+                departed,
+            ));
+        }
         // Subscribers show no token, so where one is needed there is nothing to subscribe to.
         let is_public = !directory.doors().needs_token();
         if is_public {

@@ -86,7 +86,7 @@ pub(super) async fn publish_bricks(session: Session, realm: RealmName, directory
 }
 
 /// The bricks that changed since `seen` (epoch and revision), or all of them, and what has been seen then.
-pub(super) fn bricks(live: &Live, seen: Option<(u32, u64)>) -> (Vec<Vec<u8>>, (u32, u64)) {
+pub(crate) fn bricks(live: &Live, seen: Option<(u32, u64)>) -> (Vec<Vec<u8>>, (u32, u64)) {
     live.clay().with(|clay, epoch| {
         let since = seen
             .filter(|(seen_epoch, _)| *seen_epoch == epoch)

@@ -8,6 +8,7 @@ mod connection;
 mod description;
 mod ending;
 mod guard;
+mod hand;
 mod import;
 mod limits;
 mod metrics;

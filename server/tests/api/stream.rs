@@ -28,7 +28,7 @@ impl Stream {
     }
 
     /// For whoever shows this token.
-    fn open_with(token: &str, site: &Site, session: &str) -> Self {
+    pub(crate) fn open_with(token: &str, site: &Site, session: &str) -> Self {
         let offered = format!("teleclay.v1, bearer.{token}");
         Self::open_offering(&offered, site.connect(), site, session)
     }
@@ -105,14 +105,14 @@ impl Stream {
         }
     }
 
-    fn problem(&mut self) -> Problem {
+    pub(crate) fn problem(&mut self) -> Problem {
         self.until("a problem", |text| match text {
             ServerText::Problem { problem } => Some(problem),
             _ => None,
         })
     }
 
-    fn state(&mut self, holds: impl Fn(&Session) -> bool) -> Session {
+    pub(crate) fn state(&mut self, holds: impl Fn(&Session) -> bool) -> Session {
         self.until("a state", |text| match text {
             ServerText::State { session } if holds(&session) => Some(*session),
             _ => None,

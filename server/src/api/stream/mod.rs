@@ -3,7 +3,9 @@
 //! | part | does |
 //! |---|---|
 //! | this file | the handshake: who may watch, and how many |
-//! | [`watcher`] | one open socket: what is sent when, what is answered, how it ends |
+//! | [`watcher`] | one open socket: what is sent when, what is answered |
+//! | [`hand`], [`operate`] | a tool that is held on a socket, and what else operators ask |
+//! | [`end`] | how it ends |
 //! | [`bricks`] | which bricks a watcher still lacks |
 //! | [`telemetry`] | samples into batches |
 //! | [`budget`] | what a watcher may cost |
@@ -13,7 +15,10 @@
 
 mod bricks;
 mod budget;
+mod end;
+mod hand;
 mod heartbeat;
+mod operate;
 mod telemetry;
 mod watcher;
 
@@ -27,7 +32,7 @@ use axum::http::{HeaderMap, HeaderValue, header};
 use axum::response::Response;
 use teleclay_front::Peer;
 use teleclay_proto::SUBPROTOCOL;
-use teleclay_proto::watch::MAX_MESSAGE;
+use teleclay_proto::watch::{MAX_FRAMES_MESSAGE, MAX_MESSAGE};
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
@@ -46,6 +51,9 @@ use crate::doors::Pass;
 
 /// Longest message from a watcher, bytes. The longest that means something is a fresh stepped block.
 const MAX_INCOMING: usize = 16 * 1024;
+
+/// Longest message of a hand.
+const MAX_FROM_A_HAND: usize = MAX_FRAMES_MESSAGE;
 
 /// Read buffer of a socket: watchers say little.
 const READ_BUFFER: usize = 8 * 1024;
@@ -110,8 +118,8 @@ async fn watch(
     let watching = Watching::begin(api.clone(), id.clone());
     Ok(upgrade
         .protocols([SUBPROTOCOL])
-        .max_message_size(MAX_INCOMING)
-        .max_frame_size(MAX_INCOMING)
+        .max_message_size(MAX_FROM_A_HAND)
+        .max_frame_size(MAX_FROM_A_HAND)
         .read_buffer_size(READ_BUFFER)
         .write_buffer_size(WRITE_BUFFER)
         .max_write_buffer_size(WRITE_BUFFER + 2 * MAX_MESSAGE)

@@ -4,7 +4,7 @@ use std::pin::Pin;
 use std::time::{Duration, Instant};
 
 use axum::body::Bytes;
-use axum::extract::ws::{CloseFrame, Message, Utf8Bytes, WebSocket, close_code};
+use axum::extract::ws::{Message, Utf8Bytes, WebSocket};
 use teleclay_proto::http::Session;
 use teleclay_proto::invite::Role;
 use teleclay_proto::watch::{ClientText, Level, ServerText, Switch};
@@ -12,15 +12,17 @@ use teleclay_proto::{PROTOCOL, SessionId};
 use tokio::sync::broadcast::Receiver;
 use tokio::sync::broadcast::error::RecvError;
 use tokio::time::{MissedTickBehavior, interval, timeout};
-use tokio_tungstenite::tungstenite;
 
 use super::MAX_INCOMING;
 use super::bricks::Follower;
 use super::budget::Budget;
+use super::end::{End, end_of};
+use super::hand::{Hand, due};
 use super::heartbeat::{Due, Heartbeat};
+use super::operate::{Asker, Work};
 use super::telemetry::Batcher;
 use crate::api::guard::check_role;
-use crate::api::problem::{Failure, SYNTAX, TOO_LARGE};
+use crate::api::problem::{Failure, NO_LEASE, SYNTAX};
 use crate::api::sessions::change_failure;
 use crate::api::{Api, see_through};
 use crate::directory::{ChangeError, Live};
@@ -37,7 +39,7 @@ const TICKS_PER_STATE: u32 = 5;
 const BRICKS_PER_TICK: usize = 64 * 1024;
 
 /// A watcher that does not take a message within this is gone, or as good as gone.
-const SEND_TIMEOUT: Duration = Duration::from_secs(10);
+pub(super) const SEND_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// What the audit log calls it.
 const CHANGE: &str = "change by stream";
@@ -45,88 +47,27 @@ const CHANGE: &str = "change by stream";
 /// How long a watcher may take to answer a close.
 const CLOSE_TIMEOUT: Duration = Duration::from_secs(1);
 
-/// Why a stream has ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum End {
-    /// The watcher closed it.
-    Left,
-    /// The connection broke.
-    Lost,
-    /// The watcher did not read for too long.
-    Slow,
-    /// The watcher gave no sign of life for too long.
-    Silent,
-    /// The session has ended.
-    Deleted,
-    /// The invite that let the watcher in has ended.
-    Uninvited,
-    /// The watcher sent a message that was too long.
-    TooLong,
-    /// The watcher sent a text that is not UTF-8.
-    NotText,
-    /// The watcher broke the protocol.
-    Protocol,
+/// Something on its way through the loop; its answer.
+pub(super) type Change = Pin<Box<dyn Future<Output = Answer> + Send>>;
+
+/// What came of it.
+pub(super) struct Answer {
+    pub(super) text: ServerText,
+    /// The lease that was granted.
+    pub(super) hand: Option<Hand>,
+    /// Messages of bricks, which follow the text.
+    pub(super) bricks: Vec<Vec<u8>>,
 }
 
-impl End {
-    /// What metrics and logs call it.
-    pub(super) const fn word(self) -> &'static str {
-        match self {
-            Self::Left => "left",
-            Self::Lost => "lost",
-            Self::Slow => "slow",
-            Self::Silent => "silent",
-            Self::Deleted => "session-ended",
-            Self::Uninvited => "invite-ended",
-            Self::TooLong => "too-long",
-            Self::NotText => "not-text",
-            Self::Protocol => "protocol",
+impl From<ServerText> for Answer {
+    fn from(text: ServerText) -> Self {
+        Self {
+            text,
+            hand: None,
+            bricks: Vec::new(),
         }
-    }
-
-    /// Whether what comes next may be the middle of a message.
-    const fn lost_the_thread(self) -> bool {
-        matches!(self, Self::TooLong | Self::Protocol)
-    }
-
-    /// What was wrong with the watcher's last message, when that ends the stream.
-    fn problem(self) -> Option<Failure> {
-        match self {
-            Self::TooLong => {
-                Some(TOO_LARGE.because(format!("the message has more than {MAX_INCOMING} bytes")))
-            }
-            Self::NotText => Some(SYNTAX.because("a text message came that is not UTF-8")),
-            Self::Left
-            | Self::Lost
-            | Self::Slow
-            | Self::Silent
-            | Self::Deleted
-            | Self::Uninvited
-            | Self::Protocol => None,
-        }
-    }
-
-    /// How the stream is closed to the watcher, when it can still hear.
-    fn close_frame(self) -> Option<CloseFrame> {
-        let (code, reason) = match self {
-            Self::Left | Self::Lost => return None,
-            Self::Slow => (4408, "messages were not read for ten seconds"),
-            Self::Silent => (4408, "pings were not answered for 25 seconds"),
-            Self::Deleted => (4404, "the session has ended"),
-            Self::Uninvited => (4403, "the invite has ended"),
-            Self::TooLong => (close_code::SIZE, "messages have at most 16384 bytes"),
-            Self::NotText => (close_code::INVALID, "text messages are UTF-8"),
-            Self::Protocol => (close_code::PROTOCOL, "that was no WebSocket frame"),
-        };
-        Some(CloseFrame {
-            code,
-            reason: Utf8Bytes::from_static(reason),
-        })
     }
 }
-
-/// A change on its way through the loop; its answer.
-type Change = Pin<Box<dyn Future<Output = ServerText> + Send>>;
 
 /// Serves one socket.
 pub(super) struct Watcher {
@@ -140,8 +81,11 @@ pub(super) struct Watcher {
     events: Receiver<Event>,
     bricks: Follower,
     wants_bricks: Switch,
-    /// One at a time; until it is answered nothing more is read.
+    /// One at a time; until it is answered no other text is heard.
     change: Option<Change>,
+    /// A text that came meanwhile, from a socket whose frames are to be heard all the same.
+    held_back: Option<Utf8Bytes>,
+    hand: Option<Hand>,
     ticks_to_state: u32,
     heartbeat: Heartbeat,
 }
@@ -160,6 +104,8 @@ impl Watcher {
             bricks: Follower::default(),
             wants_bricks: Switch::Off,
             change: None,
+            held_back: None,
+            hand: None,
             ticks_to_state: TICKS_PER_STATE,
             heartbeat: Heartbeat::new(Instant::now()),
         }
@@ -200,22 +146,66 @@ impl Watcher {
         self.say(socket, &hello).await?;
         self.send_state(socket).await?;
         loop {
+            let may_do = self.change.is_none() && self.budget.may_hear();
+            if may_do && let Some(text) = self.held_back.take() {
+                self.budget.on_request();
+                self.on_text(socket, &text).await?;
+                continue;
+            }
+            let may_read = self.held_back.is_none()
+                && match &mut self.hand {
+                    Some(hand) => hand.may_hear(Instant::now()),
+                    None => may_do,
+                };
             tokio::select! {
                 _ = ticks.tick() => self.tick(socket).await?,
                 answer = answer_of(&mut self.change) => {
                     self.change = None;
-                    self.say(socket, &answer).await?;
+                    self.answer(socket, answer).await?;
                 }
                 event = self.events.recv() => self.on_event(socket, event).await?,
+                () = due(self.hand.as_ref()) => self.send_frames(socket).await?,
                 // Whoever asks for so much that the answers use up the share is heard more slowly.
-                message = socket.recv(), if self.change.is_none() && self.budget.may_hear() => {
-                    self.budget.on_request();
+                message = socket.recv(), if may_read => {
                     self.heartbeat.on_heard(Instant::now());
                     let message = message.ok_or(End::Left)?.map_err(end_of)?;
-                    self.on_message(socket, message).await?;
+                    self.on_message(socket, message, may_do).await?;
                 }
             }
         }
+    }
+
+    /// Tells what came of something; a lease is this socket's from then on.
+    async fn answer(&mut self, socket: &mut WebSocket, answer: Answer) -> Result<(), End> {
+        let Answer { text, hand, bricks } = answer;
+        if hand.is_some() {
+            self.hand = hand;
+        }
+        self.say(socket, &text).await?;
+        for message in bricks {
+            self.send(socket, Message::Binary(message.into())).await?;
+            // A large block takes its time, and a hand feels it.
+            self.send_frames(socket).await?;
+        }
+        Ok(())
+    }
+
+    /// Hands over the frames that wait, and what the server has to say of the lease.
+    async fn send_frames(&mut self, socket: &mut WebSocket) -> Result<(), End> {
+        let Some(hand) = &mut self.hand else {
+            return Ok(());
+        };
+        let (message, farewell) = (hand.outgoing(), hand.farewell());
+        self.api.metrics().count_forgotten(hand.take_forgotten());
+        if let Some(message) = message {
+            self.api.metrics().count_sent(message.len());
+            hand_over(socket, Message::Binary(message.into())).await?;
+        }
+        if let Some(reason) = farewell {
+            self.hand = None;
+            self.say(socket, &ServerText::Farewell { reason }).await?;
+        }
+        Ok(())
     }
 
     async fn tick(&mut self, socket: &mut WebSocket) -> Result<(), End> {
@@ -294,18 +284,46 @@ impl Watcher {
         }
     }
 
-    async fn on_message(&mut self, socket: &mut WebSocket, message: Message) -> Result<(), End> {
-        let text = match message {
-            Message::Text(text) => text,
-            Message::Binary(_) => {
-                let failure = SYNTAX.because("a binary message came, wanted JSON text");
-                return self.say(socket, &problem(failure)).await;
+    async fn on_message(
+        &mut self,
+        socket: &mut WebSocket,
+        message: Message,
+        may_do: bool,
+    ) -> Result<(), End> {
+        match message {
+            Message::Text(text) if MAX_INCOMING < text.len() => Err(End::TooLong),
+            Message::Text(text) if may_do => {
+                self.budget.on_request();
+                self.on_text(socket, &text).await
+            }
+            Message::Text(text) => {
+                self.held_back = Some(text);
+                Ok(())
+            }
+            Message::Binary(bytes) => {
+                let failure = match &mut self.hand {
+                    Some(hand) => match hand.hear(&bytes) {
+                        Ok(()) => return Ok(()),
+                        Err(error) => SYNTAX.because(error.to_string()),
+                    },
+                    None => {
+                        NO_LEASE.because("a binary message came from a socket that holds no tool")
+                    }
+                };
+                self.budget.on_request();
+                self.say(socket, &problem(failure)).await
             }
             // The library answers pings.
-            Message::Ping(_) | Message::Pong(_) => return Ok(()),
-            Message::Close(_) => return Err(End::Left),
-        };
-        let asked = ClientText::parse(&text);
+            Message::Ping(_) | Message::Pong(_) => {
+                self.budget.on_request();
+                Ok(())
+            }
+            Message::Close(_) => Err(End::Left),
+        }
+    }
+
+    async fn on_text(&mut self, socket: &mut WebSocket, text: &str) -> Result<(), End> {
+        let asked = ClientText::parse(text);
         if let Ok(ClientText::Patch { .. } | ClientText::Reset { .. }) = &asked
             && let Err(failure) = check_role(&self.pass, Role::Admin)
         {
@@ -327,19 +345,42 @@ impl Watcher {
                 }
                 let (live, id) = (self.live.clone(), self.id.clone());
                 let change = see_through(async move { live.patch(*session).await });
-                self.change = Some(Box::pin(async move { told(change.await, "/session", &id) }));
+                self.begin(async move { told(change.await, "/session", &id).into() });
                 Ok(())
             }
             Ok(ClientText::Reset { clay }) => {
                 self.tell_change();
                 let (live, id) = (self.live.clone(), self.id.clone());
                 let change = see_through(async move { live.reset(clay, None).await });
-                self.change = Some(Box::pin(async move { told(change.await, "/clay", &id) }));
+                self.begin(async move { told(change.await, "/clay", &id).into() });
                 Ok(())
             }
             Ok(ClientText::Ping { nonce }) => self.say(socket, &ServerText::Pong { nonce }).await,
+            Ok(asked) => self.operate(socket, asked).await,
             Err(error) => self.say(socket, &problem(error.into())).await,
         }
+    }
+
+    /// What is for those who hold a tool, or want one.
+    async fn operate(&mut self, socket: &mut WebSocket, asked: ClientText) -> Result<(), End> {
+        let asker = Asker {
+            api: &self.api,
+            id: &self.id,
+            live: &self.live,
+            pass: &self.pass,
+        };
+        match asker.work(asked, &mut self.hand) {
+            Ok(Work::Said(text)) => self.say(socket, &text).await,
+            Ok(Work::Begun(change)) => {
+                self.change = Some(change);
+                Ok(())
+            }
+            Err(failure) => self.say(socket, &problem(failure)).await,
+        }
+    }
+
+    fn begin(&mut self, change: impl Future<Output = Answer> + Send + 'static) {
+        self.change = Some(Box::pin(change));
     }
 
     /// Writes down that a change was asked for.
@@ -386,11 +427,15 @@ impl Watcher {
         };
         self.budget.spend(bytes);
         self.api.metrics().count_sent(bytes);
-        match timeout(SEND_TIMEOUT, socket.send(message)).await {
-            Ok(Ok(())) => Ok(()),
-            Ok(Err(_)) => Err(End::Lost),
-            Err(_) => Err(End::Slow),
-        }
+        hand_over(socket, message).await
+    }
+}
+
+async fn hand_over(socket: &mut WebSocket, message: Message) -> Result<(), End> {
+    match timeout(SEND_TIMEOUT, socket.send(message)).await {
+        Ok(Ok(())) => Ok(()),
+        Ok(Err(_)) => Err(End::Lost),
+        Err(_) => Err(End::Slow),
     }
 }
 
@@ -398,7 +443,7 @@ impl Watcher {
 enum Never {}
 
 /// Waits for the change that is under way; for ever when there is none.
-async fn answer_of(change: &mut Option<Change>) -> ServerText {
+async fn answer_of(change: &mut Option<Change>) -> Answer {
     match change {
         Some(change) => change.await,
         None => std::future::pending().await,
@@ -406,7 +451,7 @@ async fn answer_of(change: &mut Option<Change>) -> ServerText {
 }
 
 /// What a watcher is told about its change. Fields are named as in its message, where the change stands at `prefix`.
-fn told(
+pub(super) fn told(
     changed: Result<Result<Session, ChangeError>, Failure>,
     prefix: &str,
     id: &SessionId,
@@ -421,36 +466,8 @@ fn told(
     }
 }
 
-fn problem(failure: Failure) -> ServerText {
+pub(super) fn problem(failure: Failure) -> ServerText {
     ServerText::Problem {
         problem: failure.into_problem(),
-    }
-}
-
-fn end_of(error: axum::Error) -> End {
-    use tungstenite::Error;
-    let error = error.into_inner();
-    match error.downcast_ref::<Error>() {
-        Some(Error::Capacity(_)) => End::TooLong,
-        Some(Error::Utf8(_)) => End::NotText,
-        Some(Error::Protocol(tungstenite::error::ProtocolError::ResetWithoutClosingHandshake)) => {
-            End::Lost
-        }
-        Some(Error::Protocol(_)) => End::Protocol,
-        Some(Error::ConnectionClosed | Error::AlreadyClosed) => End::Left,
-        _ => End::Lost,
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_farewell_states_the_limit_that_holds() {
-        let reason = End::TooLong.close_frame().unwrap().reason;
-        assert!(reason.contains(&MAX_INCOMING.to_string()), "{reason}");
-        let reason = End::Slow.close_frame().unwrap().reason;
-        assert!(reason.contains("ten") && SEND_TIMEOUT.as_secs() == 10);
     }
 }

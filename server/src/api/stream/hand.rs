@@ -1,0 +1,153 @@
+//! The hand of a socket: a lease, frames both ways.
+//!
+//! A lease that is held here ends with the socket. Frames wait for the socket a moment, so that several share a message,
+//! and what a socket that is not read cannot take is forgotten, the oldest first.
+
+use std::future::pending;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use teleclay_channel::Purpose;
+use teleclay_proto::frame::HandleFrame;
+use teleclay_proto::watch::{FrameError, FramesKind, FramesView};
+use teleclay_shell::Clock;
+
+use crate::directory::{Live, SocketGrant};
+use crate::doors::{LeaseChannel, SocketLine};
+use crate::engine::{FramesIn, Incoming};
+use crate::session::slot_of;
+
+/// From message to message, at the least: two ticks share one.
+const MESSAGES_EVERY: Duration = Duration::from_millis(2);
+/// Messages that are heard in a second, and that may come at once: twice what a loop of 1 kHz sends at most, and what a
+/// second without a network holds back.
+const MESSAGES_PER_S: f64 = 2000.0;
+const MESSAGES_AT_ONCE: f64 = 1000.0;
+
+/// A lease on a socket. Dropping it gives the tool back.
+pub(super) struct Hand {
+    live: Live,
+    lease: u32,
+    tool: u32,
+    operator: String,
+    line: Arc<SocketLine>,
+    frames: FramesIn,
+    clock: Clock,
+    next_message: Instant,
+    may_hear: f64,
+    refilled: Instant,
+}
+
+impl Hand {
+    pub(super) fn new(live: Live, operator: String, grant: SocketGrant, clock: Clock) -> Self {
+        let now = Instant::now();
+        Self {
+            live,
+            lease: grant.granted.lease,
+            tool: grant.granted.tool,
+            operator,
+            line: grant.line,
+            frames: grant.frames,
+            clock,
+            next_message: now,
+            may_hear: MESSAGES_AT_ONCE,
+            refilled: now,
+        }
+    }
+
+    pub(super) fn lease(&self) -> u32 {
+        self.lease
+    }
+
+    pub(super) fn tool(&self) -> u32 {
+        self.tool
+    }
+
+    pub(super) fn operator(&self) -> &str {
+        &self.operator
+    }
+
+    /// Whether another message may be heard: one that sends more than any loop does is heard more slowly.
+    pub(super) fn may_hear(&mut self, now: Instant) -> bool {
+        let passed_s = now.duration_since(self.refilled).as_secs_f64();
+        self.may_hear = MESSAGES_AT_ONCE.min(self.may_hear + MESSAGES_PER_S * passed_s);
+        self.refilled = now;
+        1.0 <= self.may_hear
+    }
+
+    /// A message of frames came. Those count that the holder of the tool wrote, each once.
+    pub(super) fn hear(&mut self, message: &[u8]) -> Result<(), FrameError> {
+        self.may_hear -= 1.0;
+        let view = FramesView::decode(message)?;
+        if view.kind != FramesKind::Handle {
+            return Err(FrameError::WrongKind {
+                got: view.kind as u8,
+                want: FramesKind::Handle as u8,
+            });
+        }
+        let arrived_ns = self.clock.now_ns();
+        let slot = slot_of(self.tool);
+        let holder = self.live.channels().at(slot);
+        let holder = holder.filter(|holder| holder.lease == self.lease);
+        for sealed in view.iter() {
+            let Some(frame) = holder.as_deref().and_then(|holder| opened(holder, sealed)) else {
+                self.live.count_unheard();
+                continue;
+            };
+            // A full ring means that the tick has stalled: what is newest is then as old as the rest.
+            let _ = self
+                .frames
+                .lock()
+                .expect("no holder panics")
+                .push(Incoming {
+                    slot,
+                    arrived_ns,
+                    frame,
+                });
+        }
+        Ok(())
+    }
+
+    /// The frames that wait. Others may wait for the next message from now on.
+    pub(super) fn outgoing(&mut self) -> Option<Vec<u8>> {
+        self.next_message = Instant::now() + MESSAGES_EVERY;
+        self.line.take()
+    }
+
+    /// How many frames were forgotten since the last call, as the socket was not read.
+    pub(super) fn take_forgotten(&self) -> u64 {
+        self.line.take_forgotten()
+    }
+
+    /// Why the lease has ended, if it has.
+    pub(super) fn farewell(&self) -> Option<String> {
+        self.line.farewell()
+    }
+}
+
+impl Drop for Hand {
+    fn drop(&mut self) {
+        let (live, lease) = (self.live.clone(), self.lease);
+        // Outside of a runtime the server is ending, and every lease with it.
+        if let Ok(runtime) = tokio::runtime::Handle::try_current() {
+            // One that has ended already is no more to be left.
+            runtime.spawn(async move { live.leave(lease).await.ok() });
+        }
+    }
+}
+
+fn opened(holder: &LeaseChannel, sealed: &[u8]) -> Option<HandleFrame> {
+    let frame = holder.channel.open(Purpose::Frame, sealed).ok()?;
+    HandleFrame::decode(frame).ok()
+}
+
+/// Waits until a message is due, or a farewell; for ever where there is no hand.
+pub(super) async fn due(hand: Option<&Hand>) {
+    match hand {
+        None => pending().await,
+        Some(hand) => {
+            hand.line.ready().await;
+            tokio::time::sleep_until(hand.next_message.into()).await;
+        }
+    }
+}
