@@ -86,7 +86,9 @@ class Interface:
         return self.send(method, path, content=json.dumps(body).encode(), headers={"Content-Type": "application/json"})
 
     def takes_json(self, operation):
-        return "application/json" in operation.get("requestBody", {}).get("content", {})
+        # A stop is carried out whatever its body is.
+        is_asked = not operation.get("operationId", "").startswith("stop")
+        return is_asked and "application/json" in operation.get("requestBody", {}).get("content", {})
 
     def send(self, method, path, content=None, headers=None, address=None):
         method = method.upper()
@@ -122,7 +124,7 @@ class Interface:
         asked = urlsplit(path).path.split("/")
         for template in self.document["paths"]:
             parts = template.split("/")
-            if len(parts) == len(asked) and all(part in (own, "{id}") for part, own in zip(parts, asked)):
+            if len(parts) == len(asked) and all(part == own or part.startswith("{") for part, own in zip(parts, asked)):
                 return template
         return None
 
@@ -174,8 +176,8 @@ class Interface:
             problem = json.loads(answer.body)
             # Whatever the calculation makes of it, the body was accepted.
             refusal = problem if problem["type"] == "/problems/field" else None
-        elif answer.status == 409 and json.loads(answer.body)["type"] == "/problems/nothing-there":
-            pass  # The body was accepted; nobody has cut anything.
+        elif answer.status == 409 and json.loads(answer.body)["type"] in AS_THINGS_STAND:
+            pass  # The body was accepted; nobody has cut anything, nor holds a tool.
         elif 400 <= answer.status and answer.status != 503:
             self.faults.append(f"{method} {path} with {what}: {answer.status} {answer.text}")
         self.hold(self.request_schema(method, path), body, refusal, f"{method} {path} with {what}")
@@ -224,6 +226,9 @@ class Interface:
 
 def pointer(*keys):
     return "".join("/" + key.replace("~", "~0").replace("/", "~1") for key in keys)
+
+
+AS_THINGS_STAND = {f"/problems/{word}" for word in ["nothing-there", "control", "not-stopped"]}
 
 
 class Stream:

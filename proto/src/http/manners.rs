@@ -39,8 +39,12 @@ impl Stop {
 #[serde(deny_unknown_fields)]
 pub struct StopRequest {
     /// Who stops, for people; 1 to 64 characters. Left out, it is whoever the token is known as.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schema(min_length = 1, max_length = 64)]
+    #[serde(
+        default,
+        deserialize_with = "crate::validate::present",
+        skip_serializing_if = "Option::is_none"
+    )]
+    #[schema(min_length = 1, max_length = 64, nullable = false)]
     pub operator: Option<String>,
     /// Why, for people; 1 to 128 characters.
     #[serde(default = "no_reason")]
@@ -53,8 +57,12 @@ pub struct StopRequest {
 #[serde(deny_unknown_fields)]
 pub struct StopClearing {
     /// Who clears it, for people; 1 to 64 characters. Left out, it is whoever the token is known as.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schema(min_length = 1, max_length = 64)]
+    #[serde(
+        default,
+        deserialize_with = "crate::validate::present",
+        skip_serializing_if = "Option::is_none"
+    )]
+    #[schema(min_length = 1, max_length = 64, nullable = false)]
     pub operator: Option<String>,
 }
 

@@ -172,7 +172,7 @@ pub enum ClientText {
         device: HandDevice,
         /// The server's token or an invite's, where the one that the socket was opened with does not do.
         #[serde(default, skip_serializing_if = "Option::is_none")]
-        #[schema(max_length = 256)]
+        #[schema(min_length = 1, max_length = 256, nullable = false)]
         token: Option<String>,
     },
     /// Gives the tool back.
@@ -188,52 +188,65 @@ pub enum ClientText {
     /// As `POST /sessions/{id}/tools/{tool}/request`.
     Request {
         /// The tool's number, from 1.
+        #[schema(minimum = 1, maximum = 8)]
         tool: u32,
         /// Who wants it.
+        #[schema(min_length = 1, max_length = 64)]
         operator: String,
     },
     /// As `POST /sessions/{id}/tools/{tool}/withdraw`.
     Withdraw {
         /// The tool's number, from 1.
+        #[schema(minimum = 1, maximum = 8)]
         tool: u32,
         /// Who had asked for it.
+        #[schema(min_length = 1, max_length = 64)]
         operator: String,
     },
     /// As `POST /sessions/{id}/tools/{tool}/grant`.
     Grant {
         /// The tool's number, from 1.
+        #[schema(minimum = 1, maximum = 8)]
         tool: u32,
         /// Who has asked for it.
+        #[schema(min_length = 1, max_length = 64)]
         operator: String,
     },
     /// As `POST /sessions/{id}/tools/{tool}/deny`.
     Deny {
         /// The tool's number, from 1.
+        #[schema(minimum = 1, maximum = 8)]
         tool: u32,
         /// Who has asked for it.
+        #[schema(min_length = 1, max_length = 64)]
         operator: String,
         /// Why not, for people.
         #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[schema(min_length = 1, max_length = 128, nullable = false)]
         reason: Option<String>,
     },
     /// As `POST /sessions/{id}/tools/{tool}/release`.
     Release {
         /// The tool's number, from 1.
+        #[schema(minimum = 1, maximum = 8)]
         tool: u32,
     },
     /// As `POST /sessions/{id}/stop`.
     Stop {
-        /// Who stops, for people.
+        /// Who stops, for people; whoever holds a tool on this socket stops under that name.
         #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[schema(nullable = false)]
         operator: Option<String>,
-        /// Why, for people.
+        /// Why, for people. What is too long is cut off.
         #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[schema(nullable = false)]
         reason: Option<String>,
     },
     /// As `POST /sessions/{id}/stop/clear`.
     ClearStop {
         /// Who clears it, for people.
         #[serde(default, skip_serializing_if = "Option::is_none")]
+        #[schema(min_length = 1, max_length = 64, nullable = false)]
         operator: Option<String>,
     },
 }

@@ -158,6 +158,7 @@ fn write_server(api: &Api) {
     }
     counter!("teleclay_stream_sent_bytes_total").absolute(counts.sent_bytes());
     counter!("teleclay_stream_dropped_samples_total").absolute(counts.dropped());
+    counter!("teleclay_stream_forgotten_frames_total").absolute(counts.forgotten());
 }
 
 fn write_session(session: &Session) {
@@ -331,6 +332,10 @@ const COUNTERS: &[(&str, &str)] = &[
     (
         "teleclay_stream_dropped_samples_total",
         "Telemetry samples that watchers were too slow for",
+    ),
+    (
+        "teleclay_stream_forgotten_frames_total",
+        "Tool frames for hands on streams that were not read in time",
     ),
     ("teleclay_clay_epoch_total", "Fresh blocks of clay"),
     ("teleclay_loop_ticks_total", "Ticks since the session began"),
