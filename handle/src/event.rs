@@ -18,6 +18,11 @@ pub enum Event {
         /// Sessions of the realm that some server runs.
         others: Vec<SessionId>,
     },
+    /// The session is stopped; asking goes on.
+    Stopped {
+        /// By whom and why, in the server's words.
+        reason: String,
+    },
     /// A lease is held.
     Joined {
         /// The server.
@@ -140,6 +145,7 @@ impl Event {
     pub fn weight(&self) -> Weight {
         match self {
             Self::Waiting { .. }
+            | Self::Stopped { .. }
             | Self::Silent { .. }
             | Self::OnCopy { .. }
             | Self::OnStaleCopy
@@ -179,6 +185,9 @@ impl fmt::Display for Event {
                     "no server answers for session `{session}` yet; the sessions that run are: {}; asking until one does",
                     others.join(", ")
                 )
+            }
+            Self::Stopped { reason } => {
+                write!(f, "{reason}; asking until that is cleared")
             }
             Self::Joined {
                 node,

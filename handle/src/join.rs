@@ -44,6 +44,8 @@ const LEAVE_TIMEOUT: Duration = Duration::from_secs(1);
 const FRESH_TIMEOUT: Duration = Duration::from_secs(20);
 /// A lease that is lost ends at the server after its time; this much later at most, its tool is free again.
 const LEASE_GRACE: Duration = Duration::from_secs(2);
+/// A tool that is kept for somebody else is kept no longer than that.
+const RESERVED_AT_MOST: Duration = Duration::from_secs(11);
 /// Longer answers are not read: a description of a block with the most steps has a tenth of it.
 const LONGEST_ANSWER: usize = 64 * 1024;
 
@@ -108,7 +110,8 @@ pub enum JoinError {
 }
 
 /// Asks until a server answers, after a pause. With an old lease, that one is given back first, and a server that is
-/// full or about to stop is asked again for as long as the old lease may hold the slot.
+/// full is asked again for as long as the old lease may hold the slot; one that is about to end, or a session that is
+/// stopped, for as long as that lasts.
 ///
 /// # Errors
 /// A server refuses, or answers nonsense.
@@ -130,6 +133,7 @@ pub(crate) async fn search(
         .map(|old| Duration::from_secs_f64(old.lease_s) + LEASE_GRACE);
     let mut refused_since = None;
     let mut has_said = old.is_some();
+    let mut has_said_stopped = false;
     let mut lookout = Lookout::new(target.door.clone());
     loop {
         if let Some(old) = &old {
@@ -151,6 +155,22 @@ pub(crate) async fn search(
                         code: RefusalCode::ShuttingDown | RefusalCode::Busy,
                         ..
                     } => true,
+                    // Nothing moves until somebody clears it; whoever is at a device then has to take hold anew.
+                    JoinError::Refused {
+                        code: RefusalCode::Stopped,
+                        reason,
+                    } => {
+                        if !std::mem::replace(&mut has_said_stopped, true) {
+                            let reason = reason.clone();
+                            // Whoever listened has gone: then nobody needs to know.
+                            let _ = events.send(Event::Stopped { reason });
+                        }
+                        true
+                    }
+                    JoinError::Refused {
+                        code: RefusalCode::Reserved,
+                        ..
+                    } => since.elapsed() < RESERVED_AT_MOST,
                     JoinError::Refused {
                         code: RefusalCode::NoFreeTool,
                         ..

@@ -46,8 +46,8 @@ pub(super) fn name_of(given: Option<String>, pass: &Pass) -> String {
     })
 }
 
-/// Whether somebody may decide who holds a tool: an admin, or whoever came in by the door of its holder. Gives the lease
-/// of the holder who decides, so that nobody decides about another's.
+/// Whether somebody may decide who holds a tool: an admin, or whoever came in by the door of its holder. Gives the
+/// lease of the holder who decides, so that nobody decides about another's.
 ///
 /// # Errors
 /// They may not.

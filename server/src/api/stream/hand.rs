@@ -1,7 +1,7 @@
 //! The hand of a socket: a lease, frames both ways.
 //!
-//! A lease that is held here ends with the socket. Frames wait for the socket a moment, so that several share a message,
-//! and what a socket that is not read cannot take is forgotten, the oldest first.
+//! A lease that is held here ends with the socket. Frames wait for the socket a moment, so that several share a
+//! message, and what a socket that is not read cannot take is forgotten, the oldest first.
 
 use std::future::pending;
 use std::sync::Arc;
