@@ -163,6 +163,12 @@ fn config(endpoints: &Endpoints) -> Result<Config, zenoh::Error> {
         // the loop has watchdogs of its own. A process that dies closes its connections, and that is seen at once.
         ("transport/link/tx/lease", "10000"),
         ("transport/link/tx/keep_alive", "10"),
+        // Whoever reads nothing is waited for no longer than that: a second is enough for a batch of 64 KiB on half a
+        // megabit, and all of a process's lines wait meanwhile.
+        (
+            "transport/link/tx/queue/congestion_control/block/wait_before_close",
+            "1000000",
+        ),
         // A greeting that the network lost is repeated after four of the longest round trips.
         ("transport/unicast/open_timeout", "2000"),
     ] {

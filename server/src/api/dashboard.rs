@@ -157,12 +157,7 @@ mod tests {
         None
     }
 
-    fn ask(
-        find: Find,
-        method: &str,
-        path: &str,
-        headers: &[(header::HeaderName, &str)],
-    ) -> Response {
+    fn ask(find: Find, method: &str, path: &str, headers: &[(HeaderName, &str)]) -> Response {
         let mut request = Request::builder().method(method).uri(path);
         for (name, value) in headers {
             request = request.header(name, *value);
@@ -170,7 +165,7 @@ mod tests {
         serve(find, &request.body(Body::empty()).unwrap())
     }
 
-    fn header_of(response: &Response, name: header::HeaderName) -> &str {
+    fn header_of(response: &Response, name: HeaderName) -> &str {
         response.headers()[name].to_str().unwrap()
     }
 

@@ -1,14 +1,17 @@
 //! Manners among operators, and the stop.
 
-use axum::body::Bytes;
+use std::time::Duration;
+
+use axum::body::{Body, to_bytes};
 use axum::{Extension, Json};
 use teleclay_proto::SessionId;
 use teleclay_proto::http::{ControlRequest, Denial, NO_REASON, Session, StopClearing, StopRequest};
 use teleclay_proto::invite::Role;
+use tokio::time::timeout;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
-use super::body::{Checked, Found, Tool};
+use super::body::{Checked, Found, MAX_BODY, Tool};
 use super::guard::check_role;
 use super::openapi::refusals;
 use super::problem::{
@@ -36,6 +39,9 @@ refusals!(StopRefusals: PATH, NO_SUCH_SESSION, SESSION_DAMAGED, NO_ANSWER);
 refusals!(ClearRefusals: SYNTAX, PATH, NO_SUCH_SESSION, SLOW_BODY, SESSION_DAMAGED, NOT_STOPPED, TOO_LARGE, MEDIA_TYPE, FIELD, NO_ANSWER);
 refusals!(ControlRefusals: SYNTAX, PATH, NO_SUCH_SESSION, NO_SUCH_TOOL, SLOW_BODY, SESSION_DAMAGED, CONTROL, TOO_LARGE, MEDIA_TYPE, FIELD, NO_ANSWER);
 refusals!(ReleaseRefusals: PATH, NO_SUCH_SESSION, NO_SUCH_TOOL, SESSION_DAMAGED, CONTROL, NO_ANSWER);
+
+/// A stop waits no longer for its own words.
+const WORDS_WITHIN: Duration = Duration::from_millis(200);
 
 /// Who does something, for people: the name that was given, or what the door knows.
 pub(super) fn name_of(given: Option<String>, pass: &Pass) -> String {
@@ -69,8 +75,8 @@ pub(super) fn check_decides(pass: &Pass, live: &Live, tool: u32) -> Result<Optio
 /// Stop a session
 ///
 /// Every tool is taken away and every force goes, and nobody gets a tool until the stop is cleared and they take hold
-/// anew. A stop is never refused for its body: one that cannot be read stops likewise, and words that are too long are
-/// cut off. A second stop changes nothing of the first. It is no emergency stop in the sense of a standard.
+/// anew. A stop is never refused for its body: one that cannot be read, or does not come at once, stops likewise, and
+/// words that are too long are cut off. A second stop changes nothing of the first. It is no emergency stop in the sense of a standard.
 #[utoipa::path(
     post, path = "/sessions/{id}/stop", tag = "operators",
     params(("id" = String, Path, description = "The session's name")),
@@ -80,8 +86,10 @@ pub(super) fn check_decides(pass: &Pass, live: &Live, tool: u32) -> Result<Optio
 async fn stop(
     Found { id, live }: Found,
     Extension(pass): Extension<Pass>,
-    body: Bytes,
+    body: Body,
 ) -> Result<Json<Session>, Failure> {
+    let body = timeout(WORDS_WITHIN, to_bytes(body, MAX_BODY)).await;
+    let body = body.ok().and_then(Result::ok).unwrap_or_default();
     let (operator, reason) = serde_json::from_slice::<StopRequest>(&body)
         .map_or((None, NO_REASON.to_owned()), |said| {
             (said.operator, said.reason)

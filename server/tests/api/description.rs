@@ -164,7 +164,8 @@ fn every_call_says_what_it_answers_when_it_cannot() {
         }
         let is_open = operation["security"] == serde_json::json!([{}]);
         assert_eq!(is_open, !responses.contains_key("401"), "{context}");
-        if operation.get("requestBody").is_some() {
+        // A stop is carried out whatever its body is.
+        if operation.get("requestBody").is_some() && operation["operationId"] != "stop" {
             for status in ["408", "413", "415", "422"] {
                 assert!(responses.contains_key(status), "{context} lacks {status}");
             }

@@ -333,7 +333,8 @@ fn a_stop_takes_every_tool_and_says_who_and_why_and_holds_until_it_is_cleared() 
         "{reason}"
     );
     // A second one changes no word of the first; none is refused for its body.
-    for body in ["", "{", r#"{"reason": 3}"#, r#"{"strange": true}"#] {
+    let long = format!(r#"{{"reason": "{}"}}"#, "a".repeat(100_000));
+    for body in ["", "{", r#"{"reason": 3}"#, r#"{"strange": true}"#, &long] {
         let ask = Ask::new("POST", &path("stop")).json(body);
         let answer = site.send(&ask);
         assert_eq!(answer.status, 200, "{body}: {answer:?}");

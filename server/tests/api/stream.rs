@@ -353,7 +353,7 @@ fn what_is_not_acceptable_is_answered_and_the_stream_goes_on() {
         assert_eq!(stream.problem().kind, "/problems/syntax", "{text:.20}");
     }
     stream.0.send(Message::binary(vec![1, 2, 3])).unwrap();
-    assert_eq!(stream.problem().kind, "/problems/syntax");
+    assert_eq!(stream.problem().kind, "/problems/no-lease");
     stream.catch_up();
     site.delete(&format!("/api/v1/sessions/{session}"));
 }
