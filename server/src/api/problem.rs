@@ -73,8 +73,6 @@ kinds! {
         "No stroke of the present block can be undone or redone as asked.";
     NOT_KEPT = CONFLICT "not-kept", "that is no longer kept",
         "A session's history is kept up to a bound on disk, and not at all by a server that was started with --ephemeral.";
-    STOPPED = CONFLICT "stopped", "the session is stopped",
-        "Somebody has stopped it, and nobody gets a tool until that is cleared: POST /api/v1/sessions/{id}/stop/clear.";
     NOT_STOPPED = CONFLICT "not-stopped", "the session is not stopped",
         "There is no stop to be cleared.";
     CONTROL = CONFLICT "control", "the tool is held otherwise",

@@ -16,7 +16,7 @@ use super::body::{Checked, Found, Named, no_such_session};
 use super::openapi::refusals;
 use super::problem::{
     CLAY_MEMORY, CONTROL, FIELD, Failure, MEDIA_TYPE, NO_ANSWER, NO_SUCH_SESSION, NO_SUCH_TOOL,
-    NOT_STOPPED, PATH, SESSION_DAMAGED, SESSION_EXISTS, SLOW_BODY, STOPPED, SYNTAX, TOO_LARGE,
+    NOT_STOPPED, PATH, SESSION_DAMAGED, SESSION_EXISTS, SLOW_BODY, SYNTAX, TOO_LARGE,
     TOO_MANY_SESSIONS, UNAVAILABLE,
 };
 use super::{Api, see_through};
@@ -40,7 +40,6 @@ pub(crate) fn change_failure(error: ChangeError, id: &SessionId) -> Failure {
         ChangeError::Gone => no_such_session(id),
         ChangeError::Refused(refusal) => {
             let kind = match refusal {
-                Refusal::Stopped { .. } => STOPPED,
                 Refusal::NotStopped => NOT_STOPPED,
                 Refusal::NoSuchTool { .. } => NO_SUCH_TOOL,
                 Refusal::NotHeld { .. }
