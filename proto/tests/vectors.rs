@@ -155,6 +155,18 @@ fn texts_parse_and_print_the_same_again() {
     for case in list(&file("client_texts.json"), "cases") {
         assert_parses_and_prints::<ClientText>(case);
     }
+    let hand = file("hand_texts.json");
+    for case in list(&hand, "from_the_server") {
+        let text: ServerText =
+            serde_json::from_value(case["value"].clone()).expect("the vector parses");
+        assert_eq!(
+            serde_json::to_value(text).expect("it prints"),
+            case["value"]
+        );
+    }
+    for case in list(&hand, "to_the_server") {
+        assert_parses_and_prints::<ClientText>(case);
+    }
     let join = file("join.json");
     list(&join, "requests")
         .iter()
@@ -196,7 +208,11 @@ fn texts_parse_and_print_the_same_again() {
 
 #[test]
 fn bad_texts_are_refused_with_the_field_named() {
-    for case in list(&file("client_texts.json"), "refused") {
+    let (client, hand) = (file("client_texts.json"), file("hand_texts.json"));
+    for case in list(&client, "refused")
+        .iter()
+        .chain(list(&hand, "refused"))
+    {
         let text = case["text"].as_str().expect("the text is a string");
         match (ClientText::parse(text), case["pointer"].as_str()) {
             (Err(BodyError::Field(error)), Some(pointer)) => {

@@ -1,6 +1,7 @@
 //! What the vectors hold.
 
 mod frames;
+mod hand;
 mod texts;
 pub mod values;
 mod watch;
@@ -18,6 +19,7 @@ pub fn files() -> Vec<(&'static str, String)> {
         ("refused.json", watch::refused()),
         ("server_texts.json", texts::server_texts()),
         ("client_texts.json", texts::client_texts()),
+        ("hand_texts.json", hand::texts()),
         ("join.json", texts::join()),
         ("keys.json", texts::keys()),
     ];

@@ -205,21 +205,7 @@ pub(super) fn join() -> Value {
         operator: "Ada".to_owned(),
         device: "simulated".to_owned(),
     };
-    let granted = Granted {
-        lease: 17,
-        ownership_epoch: 1,
-        node: NodeName::new("lab-1").expect("the name is good"),
-        tool: 1,
-        lease_s: 5.0,
-        parameters: LoopParameters::default(),
-        clay: ClayDescription {
-            shape: ClayShape::default(),
-            voxel_size_m: 5e-4,
-            epoch: 1,
-            revision: 0,
-        },
-        slow_endpoint: Some("tcp/127.0.0.1:7548".to_owned()),
-    };
+    let granted = granted();
     let refused = JoinReply::Refused {
         code: RefusalCode::NoFreeTool,
         reason: "the only tool of session `demo` is held by Ada".to_owned(),
@@ -340,6 +326,28 @@ pub(super) fn keys() -> Value {
     })
 }
 
+pub(super) fn granted() -> Granted {
+    Granted {
+        lease: 17,
+        ownership_epoch: 1,
+        node: NodeName::new("lab-1").expect("the name is good"),
+        tool: 1,
+        lease_s: 5.0,
+        parameters: LoopParameters::default(),
+        clay: clay(),
+        slow_endpoint: Some("tcp/127.0.0.1:7548".to_owned()),
+    }
+}
+
+pub(super) fn clay() -> ClayDescription {
+    ClayDescription {
+        shape: ClayShape::default(),
+        voxel_size_m: 5e-4,
+        epoch: 1,
+        revision: 0,
+    }
+}
+
 fn texts<T: Serialize>(about: &str, cases: &[(&str, T)]) -> Value {
     let cases: Vec<Value> = cases
         .iter()
@@ -348,7 +356,7 @@ fn texts<T: Serialize>(about: &str, cases: &[(&str, T)]) -> Value {
     json!({ "about": about, "cases": cases })
 }
 
-fn text(name: &str, value: &impl Serialize) -> Value {
+pub(super) fn text(name: &str, value: &impl Serialize) -> Value {
     json!({ "name": name, "value": value })
 }
 
