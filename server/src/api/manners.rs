@@ -76,7 +76,8 @@ pub(super) fn check_decides(pass: &Pass, live: &Live, tool: u32) -> Result<Optio
 ///
 /// Every tool is taken away and every force goes, and nobody gets a tool until the stop is cleared and they take hold
 /// anew. A stop is never refused for its body: one that cannot be read, or does not come at once, stops likewise, and
-/// words that are too long are cut off. A second stop changes nothing of the first. It is no emergency stop in the sense of a standard.
+/// words that are too long are cut off. A second stop changes nothing of the first. It is no emergency stop in the
+/// sense of a standard.
 #[utoipa::path(
     post, path = "/sessions/{id}/stop", tag = "operators",
     params(("id" = String, Path, description = "The session's name")),

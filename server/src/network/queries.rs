@@ -1,10 +1,12 @@
 //! What is asked on Zenoh, and the answers.
 //!
 //! An answer waits for whoever asked to read it, so every one is put by a thread that may wait, and only so many wait
-//! at once. The session that frames fly on answers nothing that is long.
+//! at once. The session that frames fly on answers nothing that is long. Whoever lets a question go says so to its
+//! asker, and waits likewise: no thread of Zenoh's does that, since it carries every line.
 
 use std::sync::Arc;
-use std::time::Duration;
+use std::sync::mpsc::{SyncSender, sync_channel};
+use std::time::{Duration, Instant};
 
 use teleclay_channel::Purpose;
 use teleclay_proto::http::{ClayReset, parse};
@@ -55,6 +57,76 @@ impl Desk {
     }
 }
 
+/// Questions that wait to be let go of. An asker who reads nothing is waited for a second at most, and then its line is
+/// closed.
+const LET_GO_AT_ONCE: usize = 4096;
+/// Zenoh's own thread lets go of a question when it has handed it over, and whoever lets go last says so to the asker:
+/// that is to be somebody who may wait.
+const LET_GO_AFTER: Duration = Duration::from_millis(100);
+/// Of these, with a payload longer than a question may be.
+const LONG_ONES_AT_ONCE: usize = 8;
+
+/// The thread that lets go of questions.
+struct Finisher {
+    waiting: SyncSender<(Instant, Query)>,
+    long_ones: SyncSender<(Instant, Query)>,
+}
+
+impl Finisher {
+    fn spawn() -> std::io::Result<Self> {
+        let start = |room| {
+            let (waiting, received) = sync_channel::<(Instant, Query)>(room);
+            let work = move || {
+                for (since, query) in received {
+                    std::thread::sleep(LET_GO_AFTER.saturating_sub(since.elapsed()));
+                    drop(query);
+                }
+            };
+            std::thread::Builder::new()
+                .name("let-go".to_owned())
+                .spawn(work)?;
+            Ok::<_, std::io::Error>(waiting)
+        };
+        Ok(Self {
+            waiting: start(LET_GO_AT_ONCE)?,
+            long_ones: start(LONG_ONES_AT_ONCE)?,
+        })
+    }
+
+    fn finish(&self, query: Query) {
+        let length = query.payload().map_or(0, ZBytes::len);
+        let way = if length <= LONGEST_QUESTION {
+            &self.waiting
+        } else {
+            &self.long_ones
+        };
+        // One that finds no room is let go of here: whoever asks for so much is not read any faster.
+        let _ = way.try_send((Instant::now(), query));
+    }
+}
+
+/// A question that is let go of where that may take its time.
+struct Held {
+    query: Option<Query>,
+    finisher: Arc<Finisher>,
+}
+
+impl Held {
+    fn query(&self) -> &Query {
+        self.query
+            .as_ref()
+            .expect("it goes only when this is dropped")
+    }
+}
+
+impl Drop for Held {
+    fn drop(&mut self) {
+        if let Some(query) = self.query.take() {
+            self.finisher.finish(query);
+        }
+    }
+}
+
 /// What is needed for an answer.
 struct Office {
     realm: RealmName,
@@ -85,6 +157,7 @@ pub(super) async fn answer_queries(
     line: Line,
 ) -> Result<(), zenoh::Error> {
     let runtime = tokio::runtime::Handle::current();
+    let finisher = Arc::new(Finisher::spawn()?);
     let office = Arc::new(Office {
         realm: realm.clone(),
         directory,
@@ -96,12 +169,17 @@ pub(super) async fn answer_queries(
     session
         .declare_queryable(keys::everything_in(realm))
         .callback(move |query: Query| {
-            let Ok(place) = Arc::clone(&office.desk(&query).places).try_acquire_owned() else {
+            let place = Arc::clone(&office.desk(&query).places).try_acquire_owned();
+            let held = Held {
+                query: Some(query),
+                finisher: Arc::clone(&finisher),
+            };
+            let Ok(place) = place else {
                 return;
             };
             let office = Arc::clone(&office);
             runtime.spawn(async move {
-                let _ = tokio::time::timeout(PATIENCE, office.answer(query)).await;
+                let _ = tokio::time::timeout(PATIENCE, office.answer(held)).await;
                 drop(place);
             });
         })
@@ -117,7 +195,8 @@ struct Asked {
 }
 
 impl Office {
-    async fn answer(&self, query: Query) {
+    async fn answer(&self, held: Held) {
+        let query = held.query();
         let Ok(Key {
             session: keys,
             leaf,
@@ -139,7 +218,7 @@ impl Office {
                     Leaf::Join => json(&SealedReply::Refused { code, reason }),
                     _ => return,
                 };
-                return self.reply(query, &keys.key(leaf), vec![reply]).await;
+                return self.reply(held, &keys.key(leaf), vec![reply]).await;
             }
         };
         let key = keys.key(leaf);
@@ -148,7 +227,7 @@ impl Office {
             leaf,
             payload,
         };
-        let Ok(_turn) = self.desk(&query).turns.acquire().await else {
+        let Ok(_turn) = self.desk(query).turns.acquire().await else {
             return;
         };
         let parts = match leaf {
@@ -156,7 +235,7 @@ impl Office {
             Leaf::Join => self.join(&key, &asked).await.iter().map(json).collect(),
             _ => self.under_lease(&asked).await,
         };
-        self.reply(query, &key, parts).await;
+        self.reply(held, &key, parts).await;
     }
 
     fn challenge(&self, asked: &Asked) -> ChallengeReply {
@@ -230,11 +309,11 @@ impl Office {
     }
 
     /// Hands the parts of an answer over. Blocks a thread that may block, for as long as the asker does not read.
-    async fn reply(&self, query: Query, key: &str, parts: Vec<Vec<u8>>) {
+    async fn reply(&self, held: Held, key: &str, parts: Vec<Vec<u8>>) {
         let key = key.to_owned();
         let replied = tokio::task::spawn_blocking(move || {
             for part in parts {
-                query.reply(key.as_str(), part).wait()?;
+                held.query().reply(key.as_str(), part).wait()?;
             }
             Ok::<_, zenoh::Error>(())
         });

@@ -10,6 +10,7 @@
 mod agreement;
 mod backlog;
 mod changing;
+mod deaf;
 mod doors;
 mod encrypted;
 mod endings;
