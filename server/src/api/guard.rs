@@ -286,6 +286,20 @@ fn check_token(
     let Some(shown) = shown_token(headers) else {
         return Err(refusal("the request shows none"));
     };
+    look_at(doors, tries, peer, shown)?
+        .ok_or_else(|| refusal("the request shows another one, or an invite that has ended"))
+}
+
+/// What a token is good for; nothing where it is a wrong one, which is counted.
+///
+/// # Errors
+/// Too many wrong ones came from there.
+pub(crate) fn look_at(
+    doors: &Doors,
+    tries: &Tries,
+    peer: Option<Peer>,
+    shown: &str,
+) -> Result<Option<Pass>, Failure> {
     let now = Instant::now();
     // Before it is looked at: whoever guesses must not learn from the answer which guess was right.
     if let Some(wait) = tries.wait(now, peer) {
@@ -293,13 +307,11 @@ fn check_token(
         let failure = TOO_MANY_TRIES.because(format!("wait for {wait_s} s"));
         return Err(failure.with_header(header::RETRY_AFTER, HeaderValue::from(wait_s as u64)));
     }
-    if let Some(pass) = doors.admit(Some(shown)) {
-        return Ok(pass);
+    let pass = doors.admit(Some(shown));
+    if pass.is_none() {
+        tries.count(now, peer);
     }
-    tries.count(now, peer);
-    Err(refusal(
-        "the request shows another one, or an invite that has ended",
-    ))
+    Ok(pass)
 }
 
 fn refusal(detail: &str) -> Failure {

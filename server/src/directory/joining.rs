@@ -53,6 +53,23 @@ fn no_such_session(id: &SessionId) -> NotGranted {
     )
 }
 
+/// Opens the line of a lease. One that has ended meanwhile is told so: whoever took it away found no line to say it on.
+fn open_line(live: &Live, slot: usize, holder: LeaseChannel) {
+    let holder = Arc::new(holder);
+    live.shared.channels.open(slot, Arc::clone(&holder));
+    let reason = {
+        let snapshot = live.shared.snapshot();
+        if snapshot.slot_of(holder.lease).is_some() {
+            return;
+        }
+        snapshot.stop.as_ref().map_or_else(
+            || "the lease ended as soon as it was granted".to_owned(),
+            |stop| format!("{} has stopped the session: {}", stop.by, stop.reason),
+        )
+    };
+    live.shared.say_farewell(slot, holder, reason);
+}
+
 impl Directory {
     /// A challenge for a join to session `id`, or why none can be granted.
     pub(crate) fn challenge(&self, id: &SessionId, request: ChallengeRequest) -> ChallengeReply {
@@ -100,7 +117,7 @@ impl Directory {
                 let (message, keys) = answer(&JoinReply::Granted(Box::new(granted)));
                 // Before the answer is on its way: the first frame may follow at once.
                 let holder = LeaseChannel::new(lease, &keys, pass, Way::Zenoh);
-                live.shared.channels.open(slot, holder);
+                open_line(&live, slot, holder);
                 message
             }
             Err(NotGranted {
@@ -137,7 +154,7 @@ impl Directory {
         let way = Way::Socket(Arc::clone(&line));
         let holder = LeaseChannel::new(granted.lease, &keys, pass.clone(), way);
         let slot = slot_of(granted.tool);
-        live.shared.channels.open(slot, holder);
+        open_line(&live, slot, holder);
         Ok(SocketGrant {
             granted,
             keys,

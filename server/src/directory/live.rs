@@ -72,15 +72,6 @@ impl Live {
         self.change(Command::Reset { reset, lease }).await
     }
 
-    /// Takes a tool from its holder, who says goodbye.
-    ///
-    /// # Errors
-    /// Nobody holds the lease, the session is gone, or the loop does not answer.
-    pub(crate) async fn leave(&self, lease: u32) -> Result<(), ChangeError> {
-        let left = self.carry_out(Command::Leave { lease }).await;
-        left.map(|_| ())
-    }
-
     /// Whoever sealed a question.
     ///
     /// # Errors
@@ -189,7 +180,7 @@ impl Live {
     }
 
     /// Carries a command out and gives the session as it is then, under the revision that the command made.
-    pub(super) async fn change(&self, command: Command) -> Result<Session, ChangeError> {
+    async fn change(&self, command: Command) -> Result<Session, ChangeError> {
         let outcome = self.carry_out(command).await?;
         Ok(Session {
             revision: outcome.revision,

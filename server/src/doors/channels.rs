@@ -50,8 +50,8 @@ pub(crate) struct Channels {
 
 impl Channels {
     /// A new holder; the one before is not heard any more.
-    pub(crate) fn open(&self, slot: usize, holder: LeaseChannel) {
-        self.slots()[slot] = Some(Arc::new(holder));
+    pub(crate) fn open(&self, slot: usize, holder: Arc<LeaseChannel>) {
+        self.slots()[slot] = Some(holder);
     }
 
     /// Everybody who holds a tool, or held it last, by its slot.

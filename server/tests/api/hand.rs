@@ -358,6 +358,101 @@ fn a_stop_takes_every_tool_and_says_who_and_why_and_holds_until_it_is_cleared() 
     site.delete(&format!("/api/v1/sessions/{session}"));
 }
 
+/// A stop that comes as a lease is granted takes it away before there is a line to say so on.
+#[test]
+fn whoever_is_stopped_while_joining_is_told_so_too() {
+    let rig = shared();
+    let site = rig.site();
+    let session = replica(rig, &site, 1);
+    let (mut ada, mut eve) = (Stream::open(&site, &session), Stream::open(&site, &session));
+    let (mut granted, mut refused) = (0, 0);
+    for _ in 0..60 {
+        join(&mut ada, "Ada");
+        eve.say(&json!({ "type": "stop", "operator": "Eve", "reason": "now" }));
+        done(&mut eve);
+        let is_granted = ada.until("an answer", |text| match text {
+            ServerText::Granted { .. } => Some(true),
+            ServerText::Refused { .. } => Some(false),
+            _ => None,
+        });
+        if is_granted {
+            granted += 1;
+            assert_eq!(farewell(&mut ada), "Eve has stopped the session: now");
+        } else {
+            refused += 1;
+        }
+        eve.say(&json!({ "type": "clear_stop" }));
+        done(&mut eve);
+    }
+    println!("{granted} joins were granted, {refused} refused");
+    assert!(0 < granted, "none of these joins came before its stop");
+    site.delete(&format!("/api/v1/sessions/{session}"));
+}
+
+#[test]
+fn a_stop_waits_for_nothing_else_that_was_asked_on_its_socket() {
+    let rig = shared();
+    let site = rig.site();
+    let session = replica(rig, &site, 1);
+    let path = format!("/api/v1/sessions/{session}");
+    let mut ada = Stream::open(&site, &session);
+    // A block that takes a while to make, ten times.
+    let big = json!({ "kind": "block", "size_m": [0.4, 0.4, 0.4] });
+    for _ in 0..10 {
+        ada.say(&json!({ "type": "reset", "clay": { "shape": big } }));
+    }
+    let asked = Instant::now();
+    ada.say(&json!({ "type": "stop", "operator": "Ada", "reason": "too slow" }));
+    eventually("the stop", || {
+        let session: Session = site.get(&path).json();
+        session.stop.is_some()
+    });
+    let stopped_s = asked.elapsed().as_secs_f64();
+    ada.state(|session| 10 < session.clay.epoch);
+    let made_s = asked.elapsed().as_secs_f64();
+    println!("stopped after {stopped_s:.3} s, ten blocks made after {made_s:.3} s");
+    assert!(stopped_s < made_s / 2.0);
+    site.delete(&path);
+}
+
+#[test]
+fn a_hand_that_reads_nothing_can_stop_and_is_heard() {
+    let rig = shared();
+    let site = rig.site();
+    let session = replica(rig, &site, 1);
+    let path = format!("/api/v1/sessions/{session}");
+    let mut ada = Page::open(&site, &session, "Ada");
+    // So much is asked for, and never read, that the way down is full.
+    ada.stream.subscribe("on", "on");
+    let connected = |is: bool| {
+        let tools = state(&site, &session).tools;
+        tools.iter().any(|tool| tool.connected == is)
+    };
+    let (began, mut asked) = (Instant::now(), 0);
+    while began.elapsed() < Duration::from_secs(3) {
+        let now_ns = ada.now_ns();
+        ada.pointer.advance(now_ns);
+        if let Some(message) = ada.pointer.outgoing() {
+            let message = Message::binary(message.to_vec());
+            ada.stream.socket().send(message).unwrap();
+        }
+        asked += 1;
+        if 500 < asked {
+            assert!(
+                connected(true),
+                "frames of whoever reads nothing are not heard"
+            );
+        }
+    }
+    ada.stream
+        .say(&json!({ "type": "stop", "reason": "I cannot see" }));
+    eventually("the stop", || {
+        let session: Session = site.get(&path).json();
+        session.stop.is_some_and(|stop| stop.by == "Ada")
+    });
+    site.delete(&path);
+}
+
 #[test]
 fn a_tool_is_asked_for_denied_granted_and_kept_for_whoever_it_was_granted_to() {
     let rig = shared();
@@ -435,6 +530,20 @@ fn an_operator_by_invite_decides_about_the_own_tool_and_a_spectator_about_nothin
         _ => None,
     });
     assert_eq!(code, RefusalCode::TokenRejected);
+    // Whoever joins with a better one may do what that one is for, as long as the lease lasts.
+    spectator.say(&json!({
+        "type": "join", "operator": "Sam", "device": device(), "token": guests.tokens[1],
+    }));
+    spectator.until("a lease", |text| {
+        matches!(text, ServerText::Granted { .. }).then_some(())
+    });
+    spectator.say(&json!({ "type": "stop" }));
+    done(&mut spectator);
+    assert_eq!(state(&open, &session).stop.unwrap().by, "Sam");
+    spectator.say(&json!({ "type": "clear_stop" }));
+    assert_eq!(spectator.problem().status, 403, "the lease is over");
+    admin.say(&json!({ "type": "clear_stop" }));
+    done(&mut admin);
     joined(&mut admin, "Ada");
     joined(&mut operator, "Bob");
     operator.say(&json!({ "type": "release", "tool": 1 }));

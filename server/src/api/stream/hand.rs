@@ -13,7 +13,7 @@ use teleclay_proto::watch::{FrameError, FramesKind, FramesView};
 use teleclay_shell::Clock;
 
 use crate::directory::{Live, SocketGrant};
-use crate::doors::{LeaseChannel, SocketLine};
+use crate::doors::{LeaseChannel, Pass, SocketLine};
 use crate::engine::{FramesIn, Incoming};
 use crate::session::slot_of;
 
@@ -30,29 +30,55 @@ pub(super) struct Hand {
     lease: u32,
     tool: u32,
     operator: String,
+    pass: Pass,
     line: Arc<SocketLine>,
+    next_message: Instant,
+}
+
+/// What the frames of a lease go through on their way to the tick.
+pub(super) struct Hearing {
+    live: Live,
+    lease: u32,
+    tool: u32,
+    operator: String,
+    pass: Pass,
     frames: FramesIn,
     clock: Clock,
-    next_message: Instant,
     may_hear: f64,
     refilled: Instant,
 }
 
 impl Hand {
-    pub(super) fn new(live: Live, operator: String, grant: SocketGrant, clock: Clock) -> Self {
+    pub(super) fn new(
+        live: Live,
+        operator: String,
+        pass: Pass,
+        grant: SocketGrant,
+        clock: Clock,
+    ) -> (Self, Hearing) {
         let now = Instant::now();
-        Self {
-            live,
-            lease: grant.granted.lease,
-            tool: grant.granted.tool,
-            operator,
-            line: grant.line,
+        let (lease, tool) = (grant.granted.lease, grant.granted.tool);
+        let hearing = Hearing {
+            live: live.clone(),
+            lease,
+            tool,
+            operator: operator.clone(),
+            pass: pass.clone(),
             frames: grant.frames,
             clock,
-            next_message: now,
             may_hear: MESSAGES_AT_ONCE,
             refilled: now,
-        }
+        };
+        let hand = Self {
+            live,
+            lease,
+            tool,
+            operator,
+            pass,
+            line: grant.line,
+            next_message: now,
+        };
+        (hand, hearing)
     }
 
     pub(super) fn lease(&self) -> u32 {
@@ -67,17 +93,48 @@ impl Hand {
         &self.operator
     }
 
+    pub(super) fn pass(&self) -> &Pass {
+        &self.pass
+    }
+
+    /// The frames that wait. Others may wait for the next message from now on.
+    pub(super) fn outgoing(&mut self) -> Option<Vec<u8>> {
+        self.next_message = Instant::now() + MESSAGES_EVERY;
+        self.line.take()
+    }
+
+    /// How many frames were forgotten since the last call, as the socket was not read.
+    pub(super) fn take_forgotten(&self) -> u64 {
+        self.line.take_forgotten()
+    }
+
+    /// Why the lease has ended, if it has.
+    pub(super) fn farewell(&self) -> Option<String> {
+        self.line.farewell()
+    }
+}
+
+impl Hearing {
+    pub(super) fn operator(&self) -> &str {
+        &self.operator
+    }
+
+    pub(super) fn pass(&self) -> Pass {
+        self.pass.clone()
+    }
+
     /// Whether another message may be heard: one that sends more than any loop does is heard more slowly.
     pub(super) fn may_hear(&mut self, now: Instant) -> bool {
         let passed_s = now.duration_since(self.refilled).as_secs_f64();
         self.may_hear = MESSAGES_AT_ONCE.min(self.may_hear + MESSAGES_PER_S * passed_s);
         self.refilled = now;
-        1.0 <= self.may_hear
+        let may_hear = 1.0 <= self.may_hear;
+        self.may_hear -= f64::from(u8::from(may_hear));
+        may_hear
     }
 
     /// A message of frames came. Those count that the holder of the tool wrote, each once.
     pub(super) fn hear(&mut self, message: &[u8]) -> Result<(), FrameError> {
-        self.may_hear -= 1.0;
         let view = FramesView::decode(message)?;
         if view.kind != FramesKind::Handle {
             return Err(FrameError::WrongKind {
@@ -106,22 +163,6 @@ impl Hand {
                 });
         }
         Ok(())
-    }
-
-    /// The frames that wait. Others may wait for the next message from now on.
-    pub(super) fn outgoing(&mut self) -> Option<Vec<u8>> {
-        self.next_message = Instant::now() + MESSAGES_EVERY;
-        self.line.take()
-    }
-
-    /// How many frames were forgotten since the last call, as the socket was not read.
-    pub(super) fn take_forgotten(&self) -> u64 {
-        self.line.take_forgotten()
-    }
-
-    /// Why the lease has ended, if it has.
-    pub(super) fn farewell(&self) -> Option<String> {
-        self.line.farewell()
     }
 }
 

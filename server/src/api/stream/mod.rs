@@ -4,6 +4,7 @@
 //! |---|---|
 //! | this file | the handshake: who may watch, and how many |
 //! | [`watcher`] | one open socket: what is sent when, what is answered |
+//! | [`ear`] | what is heard meanwhile: frames of a hand, and a stop |
 //! | [`hand`], [`operate`] | a tool that is held on a socket, and what else operators ask |
 //! | [`end`] | how it ends |
 //! | [`bricks`] | which bricks a watcher still lacks |
@@ -15,6 +16,7 @@
 
 mod bricks;
 mod budget;
+mod ear;
 mod end;
 mod hand;
 mod heartbeat;
@@ -107,9 +109,8 @@ async fn watch(
         .map_err(|_| {
             TOO_MANY_WATCHERS.because(format!("at most {MAX_WATCHERS} streams are open at once"))
         })?;
-    let from = api
-        .watchers()
-        .enter(peer.map(|Extension(Peer(address))| address));
+    let peer = peer.map(|Extension(peer)| peer);
+    let from = api.watchers().enter(peer.map(|Peer(address)| address));
     let from = from.ok_or_else(|| {
         TOO_MANY_WATCHERS.because(format!(
             "at most {MAX_WATCHERS_OF_ONE} streams are open from one address at once"
@@ -124,7 +125,7 @@ async fn watch(
         .write_buffer_size(WRITE_BUFFER)
         .max_write_buffer_size(WRITE_BUFFER + 2 * MAX_MESSAGE)
         .on_upgrade(async move |socket| {
-            let end = Watcher::new(api.clone(), id.clone(), live, pass)
+            let end = Watcher::new(api.clone(), id.clone(), live, pass, peer)
                 .serve(socket)
                 .await;
             tracing::debug!(session = %id, reason = end.word(), "stream ended");

@@ -1,8 +1,8 @@
 //! What somebody asks on a socket who holds a tool, or wants one.
 
-use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
+use teleclay_front::Peer;
 use teleclay_proto::http::NO_REASON;
 use teleclay_proto::invite::Role;
 use teleclay_proto::join::{ClayDescription, JoinRequest, RefusalCode};
@@ -11,7 +11,7 @@ use teleclay_proto::{PROTOCOL, SessionId};
 
 use super::hand::Hand;
 use super::watcher::{Answer, Change, problem};
-use crate::api::guard::check_role;
+use crate::api::guard::{check_role, look_at};
 use crate::api::manners::{check_decides, name_of};
 use crate::api::problem::{Failure, NO_LEASE, OTHER_BLOCK};
 use crate::api::sessions::change_failure;
@@ -20,15 +20,17 @@ use crate::directory::{ChangeError, Control, Live, NotGranted};
 use crate::doors::Pass;
 use crate::network::bricks;
 
-/// Whoever shows a wrong token waits for the answer, so that nobody tries many.
-const AFTER_A_WRONG_TOKEN: Duration = Duration::from_secs(1);
+/// From one snapshot to the next of the same socket: more than 2 Mbit/s is for nobody to ask for.
+const SNAPSHOTS_EVERY: Duration = Duration::from_secs(2);
 
 /// Who asks.
+#[derive(Clone, Copy)]
 pub(super) struct Asker<'a> {
     pub(super) api: &'a Api,
     pub(super) id: &'a SessionId,
     pub(super) live: &'a Live,
     pub(super) pass: &'a Pass,
+    pub(super) peer: Option<Peer>,
 }
 
 /// What there is to do.
@@ -39,18 +41,34 @@ pub(super) enum Work {
     Begun(Change),
 }
 
-impl Asker<'_> {
-    /// Begins what was asked, of a socket that has this hand.
+impl<'a> Asker<'a> {
+    /// Who asks, by the better of two passes: whoever has joined with another token may do what that one is for.
+    pub(super) fn with(self, other: Option<&'a Pass>) -> Self {
+        let better = other.filter(|other| self.pass.role < other.role);
+        Self {
+            pass: better.unwrap_or(self.pass),
+            ..self
+        }
+    }
+
+    /// Begins what was asked, of a socket that has this hand and was sent a snapshot last at that time.
     ///
     /// # Errors
     /// It cannot be asked here.
-    pub(super) fn work(&self, asked: ClientText, hand: &mut Option<Hand>) -> Result<Work, Failure> {
+    pub(super) fn work(
+        &self,
+        asked: ClientText,
+        hand: &mut Option<Hand>,
+        snapshot_at: &mut Option<Instant>,
+    ) -> Result<Work, Failure> {
+        let pass = hand.as_ref().map(|hand| hand.pass().clone());
+        let by = self.with(pass.as_ref());
         match asked {
             ClientText::Join {
                 operator,
                 device,
                 token,
-            } => Ok(self.join(operator, device.name, token, hand)),
+            } => self.join(operator, device.name, token, hand),
             ClientText::Leave {} => {
                 let lease = held(hand.as_ref())?.lease();
                 let (live, hand) = (self.live.clone(), hand.take());
@@ -69,50 +87,47 @@ impl Asker<'_> {
             }
             ClientText::Snapshot { epoch } => {
                 held(hand.as_ref())?;
-                Ok(self.snapshot(epoch))
-            }
-            ClientText::Stop { operator, reason } => {
-                check_role(self.pass, Role::Operator)?;
-                let by = self.name(operator, hand.as_ref());
-                let reason = reason.unwrap_or_else(|| NO_REASON.to_owned());
-                self.tell("stop by stream");
-                Ok(self.change(|live| async move { live.stop(&by, &reason).await.map(drop) }))
+                Ok(self.snapshot(epoch, snapshot_at))
             }
             ClientText::ClearStop { operator } => {
-                check_role(self.pass, Role::Operator)?;
-                let by = self.name(operator, hand.as_ref());
-                self.tell("clear stop by stream");
-                Ok(self.change(|live| async move { live.clear_stop(by).await.map(drop) }))
+                by.check(Role::Operator, "clear stop by stream")?;
+                let name = match &*hand {
+                    Some(hand) => hand.operator().to_owned(),
+                    None => by.name(operator),
+                };
+                by.tell("clear stop by stream");
+                Ok(self.change(|live| async move { live.clear_stop(name).await.map(drop) }))
             }
             ClientText::Request { tool, operator } => {
-                check_role(self.pass, Role::Operator)?;
-                Ok(self.control(tool, Control::Request { operator }, None))
+                by.check(Role::Operator, "request by stream")?;
+                Ok(by.control(tool, Control::Request { operator }, None))
             }
             ClientText::Withdraw { tool, operator } => {
-                check_role(self.pass, Role::Operator)?;
-                Ok(self.control(tool, Control::Withdraw { operator }, None))
+                by.check(Role::Operator, "withdraw by stream")?;
+                Ok(by.control(tool, Control::Withdraw { operator }, None))
             }
             ClientText::Grant { tool, operator } => {
-                let lease = self.decides(tool, hand.as_ref())?;
-                Ok(self.control(tool, Control::Grant { operator }, lease))
+                let lease = by.decides(tool, hand.as_ref())?;
+                Ok(by.control(tool, Control::Grant { operator }, lease))
             }
             ClientText::Deny {
                 tool,
                 operator,
                 reason,
             } => {
-                let lease = self.decides(tool, hand.as_ref())?;
+                let lease = by.decides(tool, hand.as_ref())?;
                 let reason = reason.unwrap_or_else(|| NO_REASON.to_owned());
-                Ok(self.control(tool, Control::Deny { operator, reason }, lease))
+                Ok(by.control(tool, Control::Deny { operator, reason }, lease))
             }
             ClientText::Release { tool } => {
-                let lease = self.decides(tool, hand.as_ref())?;
-                Ok(self.control(tool, Control::Release, lease))
+                let lease = by.decides(tool, hand.as_ref())?;
+                Ok(by.control(tool, Control::Release, lease))
             }
             ClientText::Subscribe { .. }
             | ClientText::Patch { .. }
             | ClientText::Reset { .. }
-            | ClientText::Ping { .. } => unreachable!("whoever watches may ask that, too"),
+            | ClientText::Ping { .. }
+            | ClientText::Stop { .. } => unreachable!("it is done elsewhere"),
         }
     }
 
@@ -122,30 +137,34 @@ impl Asker<'_> {
         device: String,
         token: Option<String>,
         hand: &mut Option<Hand>,
-    ) -> Work {
-        let (directory, id) = (self.api.directory().clone(), self.id.clone());
-        let (live, pass) = (self.live.clone(), self.pass.clone());
-        let doors = Arc::clone(&self.api.config().doors);
-        let before = hand.take();
-        begun(async move {
-            if let Some(before) = before {
-                // Its own tool is not to stand in its way.
-                live.leave(before.lease()).await.ok();
-            }
-            let shown = token.map(|token| doors.admit(Some(&token)));
-            let pass = match shown {
-                None => pass,
-                Some(Some(pass)) => pass,
-                Some(None) => {
-                    tokio::time::sleep(AFTER_A_WRONG_TOKEN).await;
-                    return refused(NotGranted {
+    ) -> Result<Work, Failure> {
+        let pass = match token {
+            None => self.pass.clone(),
+            Some(token) => match self.admit(&token)? {
+                Some(pass) => pass,
+                None => {
+                    let doors = &self.api.config().doors;
+                    doors.tell_refused(&self.pass.who, "join", Some(self.id), "rejected");
+                    return Ok(Work::Said(refused(NotGranted {
                         code: RefusalCode::TokenRejected,
                         reason: "the token is neither the server's nor that of an invite"
                             .to_owned(),
                         holder: None,
-                    });
+                    })));
                 }
-            };
+            },
+        };
+        let (directory, id, live) = (
+            self.api.directory().clone(),
+            self.id.clone(),
+            self.live.clone(),
+        );
+        let before = hand.take();
+        Ok(begun(async move {
+            if let Some(before) = before {
+                // Its own tool is not to stand in its way.
+                live.leave(before.lease()).await.ok();
+            }
             let request = JoinRequest {
                 protocol: PROTOCOL,
                 operator: operator.clone(),
@@ -157,21 +176,47 @@ impl Asker<'_> {
                 let (keys, granted) = (grant.keys.to_bytes(), Box::new(grant.granted.clone()));
                 Ok::<_, NotGranted>(Answer {
                     text: ServerText::Granted { keys, granted },
-                    hand: Some(Hand::new(live, operator, grant, directory.clock())),
+                    hand: Some(Hand::new(live, operator, pass, grant, directory.clock())),
                     bricks: Vec::new(),
                 })
             });
             match joined.await {
                 Ok(Ok(answer)) => answer,
-                Ok(Err(refusal)) => refused(refusal),
+                Ok(Err(refusal)) => refused(refusal).into(),
                 Err(failure) => problem(failure).into(),
             }
-        })
+        }))
     }
 
-    fn snapshot(&self, epoch: u32) -> Work {
+    /// What somebody may do who shows this token, nothing included; where too many wrong ones came, none is looked at.
+    fn admit(&self, token: &str) -> Result<Option<Pass>, Failure> {
+        let doors = &self.api.config().doors;
+        if !doors.needs_token() {
+            return Ok(doors.admit(None));
+        }
+        look_at(doors, self.api.tries(), self.peer, token)
+    }
+
+    /// Whether the role does for it; writes down where not.
+    ///
+    /// # Errors
+    /// It does not.
+    pub(super) fn check(&self, role: Role, did: &str) -> Result<(), Failure> {
+        let checked = check_role(self.pass, role);
+        if checked.is_err() {
+            let doors = &self.api.config().doors;
+            doors.tell_refused(&self.pass.who, did, Some(self.id), "403");
+        }
+        checked
+    }
+
+    fn snapshot(&self, epoch: u32, last: &mut Option<Instant>) -> Work {
         let live = self.live.clone();
+        let now = Instant::now();
+        let at = last.map_or(now, |last| now.max(last + SNAPSHOTS_EVERY));
+        *last = Some(at);
         begun(async move {
+            tokio::time::sleep_until(at.into()).await;
             let read = tokio::task::spawn_blocking(move || {
                 let (messages, (there, revision)) = bricks(&live, None);
                 let clay = live.state().clay;
@@ -204,25 +249,28 @@ impl Asker<'_> {
 
     /// The lease by which the holder of a tool decides about it; nothing for an admin.
     fn decides(&self, tool: u32, hand: Option<&Hand>) -> Result<Option<u32>, Failure> {
-        match hand {
+        let decides = match hand {
             Some(hand) if hand.tool() == tool => Ok(Some(hand.lease())),
             _ => check_decides(self.pass, self.live, tool),
+        };
+        if decides.is_err() {
+            let doors = &self.api.config().doors;
+            doors.tell_refused(&self.pass.who, "decide by stream", Some(self.id), "403");
         }
+        decides
     }
 
-    fn name(&self, given: Option<String>, hand: Option<&Hand>) -> String {
-        match hand {
-            Some(hand) => hand.operator().to_owned(),
-            None => name_of(given, self.pass),
-        }
+    pub(super) fn name(&self, given: Option<String>) -> String {
+        name_of(given, self.pass)
     }
 
-    fn tell(&self, did: &str) {
+    pub(super) fn tell(&self, did: &str) {
         let doors = &self.api.config().doors;
         doors.tell(&self.pass.who, did, Some(self.id), "asked");
     }
 
     fn control(&self, tool: u32, control: Control, lease: Option<u32>) -> Work {
+        self.tell(&format!("{} tool {tool} by stream", control.word()));
         self.change(move |live| async move { live.control(tool, control, lease).await.map(drop) })
     }
 
@@ -231,13 +279,19 @@ impl Asker<'_> {
         F: Future<Output = Result<(), ChangeError>> + Send + 'static,
     {
         let (id, change) = (self.id.clone(), see_through(change(self.live.clone())));
-        begun(async move {
-            match change.await {
-                Ok(Ok(())) => ServerText::Done {}.into(),
-                Ok(Err(error)) => problem(change_failure(error, &id)).into(),
-                Err(failure) => problem(failure).into(),
-            }
-        })
+        begun(async move { told_of_change(change.await, &id).into() })
+    }
+}
+
+/// What is said of a change that was asked for.
+pub(super) fn told_of_change(
+    changed: Result<Result<(), ChangeError>, Failure>,
+    id: &SessionId,
+) -> ServerText {
+    match changed {
+        Ok(Ok(())) => ServerText::Done {},
+        Ok(Err(error)) => problem(change_failure(error, id)),
+        Err(failure) => problem(failure),
     }
 }
 
@@ -249,11 +303,10 @@ fn held(hand: Option<&Hand>) -> Result<&Hand, Failure> {
     hand.ok_or_else(|| NO_LEASE.because("this socket holds no tool"))
 }
 
-fn refused(refusal: NotGranted) -> Answer {
+fn refused(refusal: NotGranted) -> ServerText {
     ServerText::Refused {
         code: refusal.code,
         reason: refusal.reason,
         holder: refusal.holder,
     }
-    .into()
 }

@@ -4,25 +4,29 @@ use std::pin::Pin;
 use std::time::{Duration, Instant};
 
 use axum::body::Bytes;
-use axum::extract::ws::{Message, Utf8Bytes, WebSocket};
+use axum::extract::ws::{Message, WebSocket};
+use futures_util::stream::SplitSink;
+use futures_util::{SinkExt as _, StreamExt as _};
+use teleclay_front::Peer;
 use teleclay_proto::http::Session;
 use teleclay_proto::invite::Role;
 use teleclay_proto::watch::{ClientText, Level, ServerText, Switch};
 use teleclay_proto::{PROTOCOL, SessionId};
-use tokio::sync::broadcast::Receiver;
+use tokio::sync::broadcast;
 use tokio::sync::broadcast::error::RecvError;
+use tokio::sync::mpsc::{self, Receiver};
 use tokio::time::{MissedTickBehavior, interval, timeout};
 
-use super::MAX_INCOMING;
 use super::bricks::Follower;
 use super::budget::Budget;
-use super::end::{End, end_of};
-use super::hand::{Hand, due};
+use super::ear::{Ear, Heard, Shared};
+use super::end::End;
+use super::hand::{Hand, Hearing, due};
 use super::heartbeat::{Due, Heartbeat};
 use super::operate::{Asker, Work};
 use super::telemetry::Batcher;
 use crate::api::guard::check_role;
-use crate::api::problem::{Failure, NO_LEASE, SYNTAX};
+use crate::api::problem::Failure;
 use crate::api::sessions::change_failure;
 use crate::api::{Api, see_through};
 use crate::directory::{ChangeError, Live};
@@ -44,8 +48,14 @@ pub(super) const SEND_TIMEOUT: Duration = Duration::from_secs(10);
 /// What the audit log calls it.
 const CHANGE: &str = "change by stream";
 
+/// Texts that wait for their turn; while so many do, nothing more is read.
+const TEXTS_WAITING: usize = 16;
+
 /// How long a watcher may take to answer a close.
 const CLOSE_TIMEOUT: Duration = Duration::from_secs(1);
+
+/// Where messages go.
+type Mouth = SplitSink<WebSocket, Message>;
 
 /// Something on its way through the loop; its answer.
 pub(super) type Change = Pin<Box<dyn Future<Output = Answer> + Send>>;
@@ -54,7 +64,7 @@ pub(super) type Change = Pin<Box<dyn Future<Output = Answer> + Send>>;
 pub(super) struct Answer {
     pub(super) text: ServerText,
     /// The lease that was granted.
-    pub(super) hand: Option<Hand>,
+    pub(super) hand: Option<(Hand, Hearing)>,
     /// Messages of bricks, which follow the text.
     pub(super) bricks: Vec<Vec<u8>>,
 }
@@ -75,36 +85,41 @@ pub(super) struct Watcher {
     id: SessionId,
     live: Live,
     pass: Pass,
+    peer: Option<Peer>,
     budget: Budget,
     telemetry: Batcher,
-    samples: Option<Receiver<Sample>>,
-    events: Receiver<Event>,
+    samples: Option<broadcast::Receiver<Sample>>,
+    events: broadcast::Receiver<Event>,
     bricks: Follower,
     wants_bricks: Switch,
     /// One at a time; until it is answered no other text is heard.
     change: Option<Change>,
-    /// A text that came meanwhile, from a socket whose frames are to be heard all the same.
-    held_back: Option<Utf8Bytes>,
     hand: Option<Hand>,
+    /// What the ear knows, too.
+    shared: Shared,
+    /// When the last snapshot was asked for.
+    snapshot_at: Option<Instant>,
     ticks_to_state: u32,
     heartbeat: Heartbeat,
 }
 
 impl Watcher {
-    pub(super) fn new(api: Api, id: SessionId, live: Live, pass: Pass) -> Self {
+    pub(super) fn new(api: Api, id: SessionId, live: Live, pass: Pass, peer: Option<Peer>) -> Self {
         Self {
             api,
             id,
             events: live.events(),
             live,
             pass,
+            peer,
             budget: Budget::full(Instant::now()),
             telemetry: Batcher::default(),
             samples: None,
             bricks: Follower::default(),
             wants_bricks: Switch::Off,
             change: None,
-            held_back: None,
+            shared: Shared::default(),
+            snapshot_at: None,
             hand: None,
             ticks_to_state: TICKS_PER_STATE,
             heartbeat: Heartbeat::new(Instant::now()),
@@ -112,20 +127,41 @@ impl Watcher {
     }
 
     /// Serves the socket until it ends, and says goodbye.
-    pub(super) async fn serve(mut self, mut socket: WebSocket) -> End {
-        let Err(end) = self.converse(&mut socket).await;
+    pub(super) async fn serve(mut self, socket: WebSocket) -> End {
+        let (mut mouth, mut ear) = socket.split();
+        let (heard, texts) = mpsc::channel(TEXTS_WAITING);
+        let (api, id, live) = (self.api.clone(), self.id.clone(), self.live.clone());
+        let pass = self.pass.clone();
+        let listener = Ear {
+            asker: Asker {
+                api: &api,
+                id: &id,
+                live: &live,
+                pass: &pass,
+                peer: self.peer,
+            },
+            shared: self.shared.clone(),
+            heard,
+        };
+        // Side by side: what is sent keeps nobody from being heard.
+        let end = tokio::select! {
+            Err(end) = self.converse(&mut mouth, texts) => end,
+            end = listener.listen(&mut ear) => end,
+        };
+        // The tool is free at once.
+        self.hold(None);
         if let Some(failure) = end.problem() {
             // Whoever cannot hear this cannot hear the close either.
-            self.say(&mut socket, &problem(failure)).await.ok();
+            self.say(&mut mouth, &problem(failure)).await.ok();
         }
         if let Some(close_frame) = end.close_frame() {
             let goodbye = async {
-                let sent = socket.send(Message::Close(Some(close_frame))).await;
+                let sent = mouth.send(Message::Close(Some(close_frame))).await;
                 // Where frames still begin and end where they should, the answer to the close can be told. The rest is
                 // the connection's to throw away, so that the reason is not lost with it.
                 while sent.is_ok()
                     && !end.lost_the_thread()
-                    && matches!(socket.recv().await, Some(Ok(_)))
+                    && matches!(ear.next().await, Some(Ok(_)))
                 {}
             };
             // Whoever does not answer has heard it, or never will.
@@ -134,7 +170,18 @@ impl Watcher {
         end
     }
 
-    async fn converse(&mut self, socket: &mut WebSocket) -> Result<Never, End> {
+    /// The lease of this socket from now on, or none.
+    fn hold(&mut self, lease: Option<(Hand, Hearing)>) {
+        let (hand, hearing) = lease.unzip();
+        self.shared.hold(hearing);
+        self.hand = hand;
+    }
+
+    async fn converse(
+        &mut self,
+        socket: &mut Mouth,
+        mut texts: Receiver<Heard>,
+    ) -> Result<Never, End> {
         let mut ticks = interval(TICK);
         // A watcher that was slow does not get the ticks it has missed all at once.
         ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
@@ -147,16 +194,6 @@ impl Watcher {
         self.send_state(socket).await?;
         loop {
             let may_do = self.change.is_none() && self.budget.may_hear();
-            if may_do && let Some(text) = self.held_back.take() {
-                self.budget.on_request();
-                self.on_text(socket, &text).await?;
-                continue;
-            }
-            let may_read = self.held_back.is_none()
-                && match &mut self.hand {
-                    Some(hand) => hand.may_hear(Instant::now()),
-                    None => may_do,
-                };
             tokio::select! {
                 _ = ticks.tick() => self.tick(socket).await?,
                 answer = answer_of(&mut self.change) => {
@@ -165,21 +202,23 @@ impl Watcher {
                 }
                 event = self.events.recv() => self.on_event(socket, event).await?,
                 () = due(self.hand.as_ref()) => self.send_frames(socket).await?,
-                // Whoever asks for so much that the answers use up the share is heard more slowly.
-                message = socket.recv(), if may_read => {
-                    self.heartbeat.on_heard(Instant::now());
-                    let message = message.ok_or(End::Left)?.map_err(end_of)?;
-                    self.on_message(socket, message, may_do).await?;
+                // Whoever asks for so much that the answers use up the share is answered more slowly.
+                Some(heard) = texts.recv(), if may_do => {
+                    self.budget.on_request();
+                    match heard {
+                        Heard::Said(text) => self.say(socket, &text).await?,
+                        Heard::Text(text) => self.on_text(socket, &text).await?,
+                    }
                 }
             }
         }
     }
 
     /// Tells what came of something; a lease is this socket's from then on.
-    async fn answer(&mut self, socket: &mut WebSocket, answer: Answer) -> Result<(), End> {
+    async fn answer(&mut self, socket: &mut Mouth, answer: Answer) -> Result<(), End> {
         let Answer { text, hand, bricks } = answer;
         if hand.is_some() {
-            self.hand = hand;
+            self.hold(hand);
         }
         self.say(socket, &text).await?;
         for message in bricks {
@@ -191,7 +230,7 @@ impl Watcher {
     }
 
     /// Hands over the frames that wait, and what the server has to say of the lease.
-    async fn send_frames(&mut self, socket: &mut WebSocket) -> Result<(), End> {
+    async fn send_frames(&mut self, socket: &mut Mouth) -> Result<(), End> {
         let Some(hand) = &mut self.hand else {
             return Ok(());
         };
@@ -202,13 +241,13 @@ impl Watcher {
             hand_over(socket, Message::Binary(message.into())).await?;
         }
         if let Some(reason) = farewell {
-            self.hand = None;
+            self.hold(None);
             self.say(socket, &ServerText::Farewell { reason }).await?;
         }
         Ok(())
     }
 
-    async fn tick(&mut self, socket: &mut WebSocket) -> Result<(), End> {
+    async fn tick(&mut self, socket: &mut Mouth) -> Result<(), End> {
         if !self.live.is_there() {
             // What was said last may say why.
             while let Ok(event) = self.events.try_recv() {
@@ -217,6 +256,9 @@ impl Watcher {
             return Err(End::Deleted);
         }
         self.budget.refill(Instant::now());
+        if self.shared.gave_a_sign() {
+            self.heartbeat.on_heard(Instant::now());
+        }
         match self.heartbeat.due(Instant::now()) {
             Due::Nothing => {}
             Due::Ping => self.send(socket, Message::Ping(Bytes::new())).await?,
@@ -249,7 +291,7 @@ impl Watcher {
 
     async fn on_event(
         &mut self,
-        socket: &mut WebSocket,
+        socket: &mut Mouth,
         event: Result<Event, RecvError>,
     ) -> Result<(), End> {
         let event = match event {
@@ -284,45 +326,7 @@ impl Watcher {
         }
     }
 
-    async fn on_message(
-        &mut self,
-        socket: &mut WebSocket,
-        message: Message,
-        may_do: bool,
-    ) -> Result<(), End> {
-        match message {
-            Message::Text(text) if MAX_INCOMING < text.len() => Err(End::TooLong),
-            Message::Text(text) if may_do => {
-                self.budget.on_request();
-                self.on_text(socket, &text).await
-            }
-            Message::Text(text) => {
-                self.held_back = Some(text);
-                Ok(())
-            }
-            Message::Binary(bytes) => {
-                let failure = match &mut self.hand {
-                    Some(hand) => match hand.hear(&bytes) {
-                        Ok(()) => return Ok(()),
-                        Err(error) => SYNTAX.because(error.to_string()),
-                    },
-                    None => {
-                        NO_LEASE.because("a binary message came from a socket that holds no tool")
-                    }
-                };
-                self.budget.on_request();
-                self.say(socket, &problem(failure)).await
-            }
-            // The library answers pings.
-            Message::Ping(_) | Message::Pong(_) => {
-                self.budget.on_request();
-                Ok(())
-            }
-            Message::Close(_) => Err(End::Left),
-        }
-    }
-
-    async fn on_text(&mut self, socket: &mut WebSocket, text: &str) -> Result<(), End> {
+    async fn on_text(&mut self, socket: &mut Mouth, text: &str) -> Result<(), End> {
         let asked = ClientText::parse(text);
         if let Ok(ClientText::Patch { .. } | ClientText::Reset { .. }) = &asked
             && let Err(failure) = check_role(&self.pass, Role::Admin)
@@ -362,14 +366,20 @@ impl Watcher {
     }
 
     /// What is for those who hold a tool, or want one.
-    async fn operate(&mut self, socket: &mut WebSocket, asked: ClientText) -> Result<(), End> {
+    async fn operate(&mut self, socket: &mut Mouth, asked: ClientText) -> Result<(), End> {
         let asker = Asker {
             api: &self.api,
             id: &self.id,
             live: &self.live,
             pass: &self.pass,
+            peer: self.peer,
         };
-        match asker.work(asked, &mut self.hand) {
+        let held = self.hand.is_some();
+        let work = asker.work(asked, &mut self.hand, &mut self.snapshot_at);
+        if held && self.hand.is_none() {
+            self.shared.hold(None);
+        }
+        match work {
             Ok(Work::Said(text)) => self.say(socket, &text).await,
             Ok(Work::Begun(change)) => {
                 self.change = Some(change);
@@ -404,7 +414,7 @@ impl Watcher {
         self.wants_bricks = bricks;
     }
 
-    async fn send_state(&mut self, socket: &mut WebSocket) -> Result<(), End> {
+    async fn send_state(&mut self, socket: &mut Mouth) -> Result<(), End> {
         if !self.api.config().doors.is_good(&self.pass) {
             return Err(End::Uninvited);
         }
@@ -413,13 +423,13 @@ impl Watcher {
         self.say(socket, &ServerText::State { session }).await
     }
 
-    async fn say(&mut self, socket: &mut WebSocket, text: &ServerText) -> Result<(), End> {
+    async fn say(&mut self, socket: &mut Mouth, text: &ServerText) -> Result<(), End> {
         let text = serde_json::to_string(text).expect("every map in it has strings as keys");
         self.send(socket, Message::Text(text.into())).await
     }
 
     /// Hands one message over to the connection, all of it.
-    async fn send(&mut self, socket: &mut WebSocket, message: Message) -> Result<(), End> {
+    async fn send(&mut self, socket: &mut Mouth, message: Message) -> Result<(), End> {
         let bytes = match &message {
             Message::Text(text) => text.len(),
             Message::Binary(bytes) => bytes.len(),
@@ -431,7 +441,7 @@ impl Watcher {
     }
 }
 
-async fn hand_over(socket: &mut WebSocket, message: Message) -> Result<(), End> {
+async fn hand_over(socket: &mut Mouth, message: Message) -> Result<(), End> {
     match timeout(SEND_TIMEOUT, socket.send(message)).await {
         Ok(Ok(())) => Ok(()),
         Ok(Err(_)) => Err(End::Lost),
