@@ -1,8 +1,8 @@
 //! Drivers of devices that a hand holds: gamepad, joystick, Haply Inverse3.
 //!
 //! Each driver has a thread of its own that talks to the hardware. It and the 1 kHz tick exchange news and forces over
-//! rings of fixed length: the tick neither waits nor allocates. What the tick holds is [`Coupled`], the virtual coupling
-//! of `teleclay-impedance` with the tick's ends of the rings.
+//! rings of fixed length: the tick neither waits nor allocates. What the tick holds is [`Coupled`], the virtual
+//! coupling of `teleclay-impedance` with the tick's ends of the rings.
 //!
 //! ```text
 //!   hardware <──> Driver::step ──News──> ring ──> Coupled::sample  ──> handle side

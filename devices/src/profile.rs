@@ -60,8 +60,8 @@ impl Hardware {
     pub const fn workspace_m(self) -> [f64; 3] {
         match self {
             Self::Gamepad => [0.06; 3],
-            // The way of a grip of usual length.
-            Self::Joystick => [0.05; 3],
+            // The way of a grip of usual length, 0.05 m, less its dead zone: the place is never faster than the grip.
+            Self::Joystick => [0.044; 3],
             // The sphere that the maker's tutorial on position control keeps its targets in.
             Self::Haply => [0.1; 3],
         }

@@ -65,14 +65,14 @@ pub struct ForceGate {
 /// See [`Filters`].
 #[derive(Debug, Deserialize)]
 pub struct Damping {
-    /// N·s/m.
+    /// What it adds along every axis, N·s/m.
     pub scalar: Option<f64>,
 }
 
 /// Where the cursor is.
 #[derive(Debug, Deserialize)]
 pub struct Cursor {
-    /// m.
+    /// Place of the cursor, m.
     pub cursor_position: Option<Vector>,
 }
 
@@ -83,7 +83,7 @@ pub struct Vector {
     pub x: f64,
     /// Away from the hand.
     pub y: f64,
-    /// Up.
+    /// Against gravity.
     pub z: f64,
 }
 

@@ -12,8 +12,8 @@
 //! those of the service's public pages, version 3.5; the older spelling of a force (`values` for `vector`) is spoken to
 //! a service whose inventory is of the older kind.
 //!
-//! Before a force reaches the motors, the service damps oscillations, may weaken it (*force gate*), adds its own damping
-//! and multiplies it by a scale of its own. The inventory tells of gate and damping, and they are passed on
+//! Before a force reaches the motors, the service damps oscillations, may weaken it (*force gate*), adds its own
+//! damping and multiplies it by a scale of its own. The inventory tells of gate and damping, and they are passed on
 //! ([`machine::Law`]); the scale is one of its settings and told nowhere, so that with a scale above 1 the device
 //! renders more than it was told here.
 

@@ -8,12 +8,16 @@ use std::path::Path;
 use evdev::raw_stream::RawDevice;
 use evdev::{
     EventType, FFEffect, FFEffectCode, FFEffectData, FFEffectKind, FFEnvelope, FFReplay, FFTrigger,
-    SynchronizationCode,
+    InputEvent, SynchronizationCode,
 };
 
 use super::effect::LASTS_MS;
 use super::port::{AxisInfo, Effect, InputPort, PadEvent, PadNature, PadState, PortError};
 use super::scan::Scan;
+
+/// Batches of 32 events that are read at one step: a device that tells of eight axes a thousand times a second fills
+/// two.
+const BATCHES: usize = 8;
 
 /// An opened device that nobody else gets events of. What it renders ends with it.
 pub struct EvdevPort {
@@ -42,26 +46,13 @@ impl InputPort for EvdevPort {
     }
 
     fn read(&mut self, events: &mut Vec<PadEvent>) -> Result<(), PortError> {
-        let come = match self.device.fetch_events() {
-            Ok(come) => come,
-            Err(error) if error.kind() == io::ErrorKind::WouldBlock => return Ok(()),
-            Err(error) => return Err(error.into()),
-        };
-        events.extend(come.filter_map(|event| match event.event_type() {
-            EventType::ABSOLUTE => Some(PadEvent::Axis {
-                code: event.code(),
-                value: event.value(),
-            }),
-            EventType::KEY => Some(PadEvent::Key {
-                code: event.code(),
-                is_down: event.value() != 0,
-            }),
-            EventType::SYNCHRONIZATION => {
-                let is_dropped = event.code() == SynchronizationCode::SYN_DROPPED.0;
-                is_dropped.then_some(PadEvent::Dropped)
+        for _ in 0..BATCHES {
+            match self.device.fetch_events() {
+                Ok(come) => events.extend(come.filter_map(|event| meaning(&event))),
+                Err(error) if error.kind() == io::ErrorKind::WouldBlock => break,
+                Err(error) => return Err(error.into()),
             }
-            _ => None,
-        }));
+        }
         Ok(())
     }
 
@@ -148,6 +139,21 @@ fn raw(path: &Path) -> Result<RawDevice, PortError> {
     Ok(RawDevice::try_from(file)?)
 }
 
+fn meaning(event: &InputEvent) -> Option<PadEvent> {
+    let (code, value) = (event.code(), event.value());
+    match event.event_type() {
+        EventType::ABSOLUTE => Some(PadEvent::Axis { code, value }),
+        EventType::KEY => Some(PadEvent::Key {
+            code,
+            is_down: value != 0,
+        }),
+        EventType::SYNCHRONIZATION => {
+            (code == SynchronizationCode::SYN_DROPPED.0).then_some(PadEvent::Dropped)
+        }
+        _ => None,
+    }
+}
+
 fn nature(device: &RawDevice) -> PadNature {
     let effects = device.supported_ff();
     let has = |code: FFEffectCode| effects.is_some_and(|effects| effects.contains(code));
@@ -195,5 +201,33 @@ fn data(effect: Effect) -> FFEffectData {
             delay: 0,
         },
         kind,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_that_is_not_there_is_empty_and_a_file_that_is_no_device_is_passed_over() {
+        let folder = std::env::temp_dir().join(format!("teleclay-devices-{}", std::process::id()));
+        assert_eq!(scan(&folder), Scan::new());
+        std::fs::create_dir(&folder).unwrap();
+        let paths = ["event3", "event12", "mouse0"].map(|name| folder.join(name));
+        for path in &paths {
+            std::fs::write(path, "no device").unwrap();
+        }
+        let found = scan(&folder);
+        std::fs::remove_dir_all(&folder).unwrap();
+        assert_eq!(
+            found.len(),
+            2,
+            "a mouse has no event in its name: {found:?}"
+        );
+        assert!(
+            found
+                .iter()
+                .all(|(_, nature)| matches!(nature, Err(PortError::Other(_))))
+        );
     }
 }

@@ -3,36 +3,36 @@
 use super::port::PadNature;
 use crate::profile::Hardware;
 
-/// `ABS_X`.
+/// `ABS_X`: to the right.
 pub const X: u16 = 0x00;
-/// `ABS_Y`.
+/// `ABS_Y`: towards the hand.
 pub const Y: u16 = 0x01;
 /// `ABS_Z`: the left trigger of most gamepads.
 pub const Z: u16 = 0x02;
-/// `ABS_RX`.
+/// `ABS_RX`: the right stick, to the right.
 pub const RX: u16 = 0x03;
-/// `ABS_RY`.
+/// `ABS_RY`: the right stick, towards the hand.
 pub const RY: u16 = 0x04;
 /// `ABS_RZ`: the right trigger of most gamepads, the twist of most joysticks.
 pub const RZ: u16 = 0x05;
-/// `ABS_THROTTLE`.
+/// `ABS_THROTTLE`: a lever.
 pub const THROTTLE: u16 = 0x06;
 
 /// `BTN_TRIGGER`: what has it is a joystick.
 pub const TRIGGER: u16 = 0x120;
-/// `BTN_THUMB`.
+/// `BTN_THUMB`: clutch of a joystick.
 pub const THUMB: u16 = 0x121;
-/// `BTN_THUMB2`.
+/// `BTN_THUMB2`: lets go.
 pub const THUMB2: u16 = 0x122;
-/// `BTN_TOP`.
+/// `BTN_TOP`: fresh clay.
 pub const TOP: u16 = 0x123;
 /// `BTN_SOUTH`: what has it is a gamepad.
 pub const SOUTH: u16 = 0x130;
-/// `BTN_EAST`.
+/// `BTN_EAST`: lets go.
 pub const EAST: u16 = 0x131;
-/// `BTN_TL`.
+/// `BTN_TL`: clutch of a gamepad.
 pub const SHOULDER: u16 = 0x136;
-/// `BTN_START`.
+/// `BTN_START`: fresh clay.
 pub const START: u16 = 0x13b;
 
 /// What lifts the tool.

@@ -10,14 +10,14 @@ use crate::profile::Hardware;
 pub enum PadEvent {
     /// An axis has another value.
     Axis {
-        /// `ABS_…`.
+        /// Which axis: `ABS_…`.
         code: u16,
         /// As the device counts.
         value: i32,
     },
     /// A button went down or came up.
     Key {
-        /// `BTN_…`.
+        /// Which button: `BTN_…`.
         code: u16,
         /// Whether it is down.
         is_down: bool,
@@ -29,13 +29,13 @@ pub enum PadEvent {
 /// An axis: its range, and where it stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct AxisInfo {
-    /// `ABS_…`.
+    /// Which axis: `ABS_…`.
     pub code: u16,
     /// Least value.
     pub least: i32,
     /// Greatest value.
     pub most: i32,
-    /// Now.
+    /// Value now.
     pub value: i32,
 }
 
@@ -85,13 +85,13 @@ pub enum Effect {
 /// Why a port fails.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum PortError {
-    /// `ENODEV`.
+    /// It is gone: `ENODEV`.
     #[error("unplugged")]
     Unplugged,
     /// `EACCES`, `EPERM`.
     #[error("no permission")]
     NoPermission,
-    /// `EBUSY`.
+    /// Somebody else has grabbed it: `EBUSY`.
     #[error("in use by another program")]
     Busy,
     /// Anything else.
