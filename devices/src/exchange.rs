@@ -187,6 +187,10 @@ fn capped(v: [f64; 3], most: f64) -> [f64; 3] {
 }
 
 #[cfg(test)]
+#[allow(
+    clippy::float_cmp,
+    reason = "a force within the bounds is passed on to the last bit, and none is exactly none"
+)]
 mod tests {
     use super::*;
 

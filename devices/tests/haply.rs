@@ -1,6 +1,11 @@
 //! The protocol of the Haply Inverse Service against a stand-in that is written from its public messages, on virtual
 //! time and without a socket.
 
+#![allow(
+    clippy::float_cmp,
+    reason = "what is passed on is compared to the last bit, and no force is exactly none"
+)]
+
 use proptest::prelude::*;
 use serde_json::{Value, json};
 use teleclay_devices::haply::{End, Law, Machine};

@@ -1,5 +1,10 @@
 //! The driver on real sockets of the loopback, against a stand-in for the service that the test steps.
 
+#![allow(
+    clippy::float_cmp,
+    reason = "what is passed on is compared to the last bit, and no force is exactly none"
+)]
+
 use std::net::{TcpListener, TcpStream};
 use std::thread::JoinHandle;
 use std::time::Duration;

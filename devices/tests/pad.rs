@@ -256,6 +256,21 @@ fn a_driver_that_is_late_lets_go_gently_and_one_that_slept_has_to_be_taken_hold_
 }
 
 #[test]
+fn a_driver_that_was_silent_for_a_quarter_of_a_second_has_to_be_taken_hold_of_anew() {
+    for (silent_ms, state) in [(200, GraspState::Held), (260, GraspState::Released)] {
+        let mut bench = Bench::new(Hardware::Gamepad);
+        bench.press(SOUTH);
+        bench.run(100).unwrap();
+        for _ in 0..silent_ms {
+            bench.tick().unwrap();
+            bench.now_ns += MS;
+        }
+        bench.run(200).unwrap();
+        assert_eq!(bench.coupled.state(), state, "after {silent_ms} ms");
+    }
+}
+
+#[test]
 fn a_tick_that_stops_leaves_the_stick_without_force() {
     let mut bench = Bench::new(Hardware::Joystick);
     bench.wall_n_per_m = 400.0;

@@ -29,12 +29,12 @@ impl Axes {
     #[must_use]
     pub fn deflection(&self, lift: Lift) -> [f64; 3] {
         // Axes count down as positive.
-        let [x, y] = round([self.from_middle(X), -self.from_middle(Y)]);
+        let [x, y] = round([self.off_middle(X), -self.off_middle(Y)]);
         let up = match lift {
-            Lift::Stick(code) => -without_dead_zone(self.from_middle(code)),
+            Lift::Stick(code) => -without_dead_zone(self.off_middle(code)),
             Lift::StickAndTriggers { stick, up, down } => {
-                let trigger = |code: u16| without_dead_zone(self.from_rest(code));
-                let stick = -without_dead_zone(self.from_middle(stick));
+                let trigger = |code: u16| without_dead_zone(self.off_rest(code));
+                let stick = -without_dead_zone(self.off_middle(stick));
                 (stick + trigger(up) - trigger(down)).clamp(-1.0, 1.0)
             }
         };
@@ -42,12 +42,12 @@ impl Axes {
     }
 
     /// From -1 to 1.
-    fn from_middle(&self, code: u16) -> f64 {
+    fn off_middle(&self, code: u16) -> f64 {
         2.0 * self.share(code, 0.5) - 1.0
     }
 
     /// From 0 to 1.
-    fn from_rest(&self, code: u16) -> f64 {
+    fn off_rest(&self, code: u16) -> f64 {
         self.share(code, 0.0)
     }
 

@@ -206,7 +206,7 @@ impl Bench {
 
     pub(crate) fn run(&mut self, ms: u64) -> Result<(), DeviceFault> {
         for _ in 0..ms {
-            if self.now_ns % (4 * MS) == 0 {
+            if self.now_ns.is_multiple_of(4 * MS) {
                 self.drive()?;
             }
             self.tick()?;
