@@ -7,12 +7,13 @@
 
 use std::net::{TcpListener, TcpStream};
 use std::thread::JoinHandle;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
+use teleclay_device::DeviceCommand;
 use teleclay_devices::haply::{HaplyDriver, ServiceAddress};
-use teleclay_devices::thread::Driver;
-use teleclay_devices::{DeviceFault, Hardware};
+use teleclay_devices::thread::{Driver, DriverThread};
+use teleclay_devices::{Coupled, DeviceFault, Hardware, SessionNeeds};
 use tungstenite::{Message, WebSocket};
 
 /// A test that hangs is a test that fails.
@@ -192,6 +193,75 @@ fn a_service_that_closes_and_a_message_that_is_too_long_are_ends_in_words() {
     let _ = channels.simulation.send(long);
     let fault = until_lost(&mut driver, now_ms).to_string();
     assert!(fault.starts_with("the haply is lost:"), "{fault}");
+}
+
+/// Answers whatever comes until it is closed: the grip's button goes down, then the arm moves to the right. Returns the
+/// greatest force along x that was asked for, and the last one.
+fn serve_a_hand(mut channels: Channels) -> (f64, [f64; 3]) {
+    let (mut most_n, mut last_n) = (0.0_f64, [0.0; 3]);
+    for count in 0_u32.. {
+        match channels.simulation.read() {
+            Ok(Message::Text(text)) => {
+                let told: Value = serde_json::from_str(&text).unwrap();
+                let force = &told["inverse3"][0]["commands"]["set_cursor_force"]["vector"];
+                last_n = ["x", "y", "z"].map(|axis| force[axis].as_f64().unwrap());
+                most_n = most_n.max(-last_n[0]);
+            }
+            _ => break,
+        }
+        let mut state = state();
+        let moved = f64::from(count.saturating_sub(100).min(300)) * 1e-4;
+        state["inverse3"][0]["state"]["cursor_position"]["x"] = json!(moved);
+        let button = json!({ "device_id": "g", "state": { "button": 50 < count } });
+        state["verse_grip"] = json!([button]);
+        if channels
+            .simulation
+            .send(Message::text(state.to_string()))
+            .is_err()
+        {
+            break;
+        }
+    }
+    (most_n, last_n)
+}
+
+/// Everything together, on the clock of this machine: socket, thread, rings, coupling.
+#[test]
+fn a_hand_that_presses_and_pulls_feels_the_coupling_and_is_let_go_of_at_the_end() {
+    let service = Service::listening();
+    let address = service.address();
+    let serving = service.serve(inventory());
+    let driver = HaplyDriver::open(&address).unwrap();
+    let serving = std::thread::spawn(move || serve_a_hand(serving.join().unwrap()));
+    let hardware = Hardware::Haply;
+    let needs = SessionNeeds {
+        tick_s: 1e-3,
+        axes: 3,
+        handle_damping_n_s_per_m: 10.0,
+        reach_m: [0.05; 3],
+    };
+    let profile = hardware.profile();
+    let (thread, ends) = DriverThread::spawn(driver, profile.force_n).unwrap();
+    let mut coupled = Coupled::new(hardware, &needs, profile, ends).unwrap();
+    let began = Instant::now();
+    let mut next_ns = 0;
+    let mut hand_n = 0.0;
+    while hand_n < 1.0 {
+        assert!(began.elapsed() < PATIENCE, "no force in {PATIENCE:?}");
+        let now_ns = thread.now_ns();
+        if now_ns < next_ns {
+            std::thread::yield_now();
+            continue;
+        }
+        next_ns = now_ns + 1_000_000;
+        hand_n = coupled.sample(now_ns).unwrap().hand_force_n[0];
+        // The handle stays at home, whoever pulls.
+        coupled.command(now_ns, &DeviceCommand::default());
+    }
+    drop(thread);
+    let (most_n, last_n) = serving.join().unwrap();
+    assert!(0.5 < most_n && most_n <= profile.force_n, "{most_n} N");
+    assert_eq!(last_n, [0.0; 3]);
 }
 
 #[test]
