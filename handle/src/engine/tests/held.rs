@@ -177,6 +177,21 @@ fn a_hand_lets_go_whenever_its_lease_ends_or_changes() {
 }
 
 #[test]
+fn a_button_that_is_pressed_while_a_loop_ends_does_not_count_for_the_next() {
+    let mut rig = Rig::new();
+    rig.takes_hold();
+    rig.pushes();
+    let (tool, attachment) = tool(2, Clock::start());
+    rig.bench.tool = tool;
+    let attach = Order::Attach(attachment);
+    assert!(rig.bench.ends.orders.push(attach).is_ok());
+    assert_eq!(rig.run(5).mode, Mode::Braking);
+    rig.takes_hold();
+    assert_eq!(rig.run(500).lease, 2);
+    assert!(!rig.is_held());
+}
+
+#[test]
 fn taking_hold_moves_nothing_wherever_the_device_is() {
     let mut rig = Rig::new();
     rig.position_m = [0.04, -0.03, 0.02];
