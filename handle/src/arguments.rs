@@ -6,13 +6,14 @@ use std::time::Duration;
 use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser, ValueEnum};
 use teleclay_device::DeviceProfile;
+use teleclay_devices::haply::ServiceAddress;
 use teleclay_proto::invite::{Fingerprint, InviteLine};
 use teleclay_proto::{RealmName, SessionId};
 use teleclay_shell::Drift;
 use teleclay_shell::endpoint::{Endpoint, EndpointError, FORM};
 use teleclay_shell::ticker::Scheduling;
 
-use crate::device::DeviceKind;
+use crate::device::{DeviceChoice, DeviceKind};
 use crate::intent::{Intent, WaypointsError, parse_triple, parse_waypoints};
 use crate::run::EXIT_CODES;
 
@@ -52,10 +53,14 @@ pub struct Arguments {
     /// The server's token, when it asks for one; with it, no server is joined that does not know it
     #[arg(long, env = "TELECLAY_TOKEN", hide_env_values = true)]
     pub token: Option<String>,
-    /// The device: simulated (the paper's servos, one per axis) or robot (the same on the three arms of the parallel
-    /// robot, with joint limits; for sessions of 2 or 3 axes)
+    /// The device: simulated (the paper's servos, one per axis), robot (the same on the three arms of the parallel
+    /// robot, with joint limits), gamepad (sticks and rumble), joystick (force on 2 axes) or haply (Inverse3); list
+    /// shows which are there
     #[arg(long, value_name = "DEVICE", default_value_t)]
-    pub device: DeviceKind,
+    pub device: DeviceChoice,
+    /// Where the Haply Inverse Service listens, on this machine
+    #[arg(long, value_name = "URL", default_value_t)]
+    pub haply_url: ServiceAddress,
     /// Greatest force on the hand, N: lowers what the device allows, never raises it
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = bound)]
     pub force_limit_n: Option<f64>,
@@ -68,9 +73,9 @@ pub struct Arguments {
     /// Greatest power into the hand, W, likewise
     #[arg(long, value_name = "W", allow_negative_numbers = true, value_parser = bound)]
     pub power_limit_w: Option<f64>,
-    /// What the simulated operator does
-    #[arg(long, value_enum, default_value_t)]
-    pub intent: IntentName,
+    /// What the operator of a simulated device does [default: cutting]
+    #[arg(long, value_enum)]
+    pub intent: Option<IntentName>,
     /// Force in N, for constant-force and sensor-force; amplitude, for sinusoid
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = parse_triple)]
     pub force_n: Option<[f64; 3]>,
@@ -169,6 +174,14 @@ pub enum IntentOptionError {
         /// The option.
         option: &'static str,
     },
+    /// A hand has intents of its own.
+    #[error("{option} is for simulated devices, and --device {device} is held by a hand")]
+    Held {
+        /// The option.
+        option: &'static str,
+        /// The device.
+        device: DeviceKind,
+    },
     /// The waypoints are none.
     #[error("--waypoints: {0}")]
     Waypoints(#[from] WaypointsError),
@@ -226,7 +239,9 @@ impl Arguments {
         let intent = arguments.read_intent().map_err(|error| {
             let kind = match &error {
                 IntentOptionError::Missing { .. } => ErrorKind::MissingRequiredArgument,
-                IntentOptionError::Unused { .. } => ErrorKind::ArgumentConflict,
+                IntentOptionError::Unused { .. } | IntentOptionError::Held { .. } => {
+                    ErrorKind::ArgumentConflict
+                }
                 _ => ErrorKind::ValueValidation,
             };
             Self::command().error(kind, error)
@@ -241,7 +256,7 @@ impl Arguments {
 
     /// What the device may do to the hand: its own bounds, lowered to those that were given.
     pub fn profile(&self) -> DeviceProfile {
-        self.device.profile().lowered_to(DeviceProfile {
+        self.device.kind().profile().lowered_to(DeviceProfile {
             force_n: self.force_limit_n.unwrap_or(f64::INFINITY),
             slew_n_per_s: self.slew_limit_n_per_s.unwrap_or(f64::INFINITY),
             speed_m_s: self.speed_limit_m_s.unwrap_or(f64::INFINITY),
@@ -262,22 +277,31 @@ impl Arguments {
     }
 
     fn read_intent(&self) -> Result<Intent, IntentOptionError> {
-        let intent = self.intent.word();
+        let device = self.device.kind();
+        if let (DeviceKind::Held(_), Some(_)) = (device, self.intent) {
+            let option = "--intent";
+            return Err(IntentOptionError::Held { option, device });
+        }
+        let name = self.intent.unwrap_or_default();
+        let intent = name.word();
         let given = [
             ("--force-n", self.force_n.is_some()),
             ("--frequency-hz", self.frequency_hz.is_some()),
             ("--waypoints", self.waypoints.is_some()),
         ];
         for (option, is_given) in given {
-            match (self.intent.needs().contains(&option), is_given) {
+            match (name.needs().contains(&option), is_given) {
                 (true, false) => return Err(IntentOptionError::Missing { intent, option }),
+                (false, true) if matches!(device, DeviceKind::Held(_)) => {
+                    return Err(IntentOptionError::Held { option, device });
+                }
                 (false, true) => return Err(IntentOptionError::Unused { intent, option }),
                 _ => {}
             }
         }
         // What is needed was found above, so no default is ever taken.
         let force_n = self.force_n.unwrap_or_default();
-        Ok(match self.intent {
+        Ok(match name {
             IntentName::Idle => Intent::Idle,
             IntentName::ConstantForce => Intent::ConstantForce { force_n },
             IntentName::SensorForce => Intent::SensorForce { force_n },
@@ -386,185 +410,4 @@ fn user_at_host() -> String {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use teleclay_operator::Waypoint;
-
-    fn read(words: &[&str]) -> Result<(Arguments, Intent), String> {
-        let words = ["teleclay-handle"].iter().chain(words);
-        Arguments::read_from(words).map_err(|error| error.to_string())
-    }
-
-    #[test]
-    fn the_command_line_is_well_formed() {
-        Arguments::command().debug_assert();
-    }
-
-    #[test]
-    fn without_arguments_it_joins_the_demo_on_this_machine_and_cuts() {
-        let (arguments, intent) = read(&[]).unwrap();
-        assert_eq!(arguments.connect.to_string(), "tcp/127.0.0.1:7547");
-        assert_eq!(arguments.session.as_str(), "demo");
-        assert_eq!(
-            (arguments.device, intent),
-            (DeviceKind::Simulated, Intent::Cutting)
-        );
-        assert_eq!(arguments.seconds, None);
-        assert!(is_operator(&arguments.operator_name()));
-    }
-
-    #[test]
-    fn an_invite_says_where_to_and_who_and_is_not_contradicted() {
-        let fingerprint = "ab".repeat(32);
-        let token = format!("0000001a.{}", "07".repeat(16));
-        let line = format!("teleclay:quic/192.0.2.7:7547,lab,clay,{fingerprint},{token}");
-        let (arguments, _) = read(&["--invite", &line]).unwrap();
-        assert_eq!(arguments.connect.to_string(), "quic/192.0.2.7:7547");
-        let names = (arguments.realm.as_str(), arguments.session.as_str());
-        assert_eq!(names, ("lab", "clay"));
-        assert_eq!(arguments.token, Some(token));
-        assert!(arguments.fingerprint.is_some());
-        for more in [["--session", "other"], ["--connect", "tcp/127.0.0.1:1"]] {
-            let said = read(&[&["--invite", &line], &more[..]].concat()).unwrap_err();
-            assert!(said.contains("cannot be used with"), "{said}");
-        }
-        let elsewhere = line.replace("quic/192.0.2.7:7547", "http/192.0.2.7:80");
-        let said = read(&["--invite", &elsewhere]).unwrap_err();
-        assert!(said.contains("http/192.0.2.7:80"), "{said}");
-    }
-
-    #[test]
-    fn a_bound_on_the_hand_is_lowered_and_never_raised() {
-        let profile = |words: &[&str]| read(words).unwrap().0.profile();
-        let own = DeviceKind::Simulated.profile();
-        assert_eq!(profile(&[]), own);
-        assert_eq!(
-            profile(&["--force-limit-n", "1000", "--speed-limit-m-s", "1e6"]),
-            own
-        );
-        let lowered = profile(&["--force-limit-n", "3", "--power-limit-w", "0.5"]);
-        assert_eq!((lowered.force_n, lowered.power_w), (3.0, 0.5));
-        assert_eq!(
-            (lowered.slew_n_per_s, lowered.speed_m_s),
-            (own.slew_n_per_s, own.speed_m_s)
-        );
-    }
-
-    #[test]
-    fn every_intent_takes_its_numbers() {
-        let intent = |words: &[&str]| read(words).unwrap().1;
-        assert_eq!(intent(&["--intent", "idle"]), Intent::Idle);
-        assert_eq!(
-            intent(&["--intent", "constant-force", "--force-n", "-2,0,0.5"]),
-            Intent::ConstantForce {
-                force_n: [-2.0, 0.0, 0.5]
-            }
-        );
-        assert_eq!(
-            intent(&["--intent", "sensor-force", "--force-n=2,0,0"]),
-            Intent::SensorForce {
-                force_n: [2.0, 0.0, 0.0]
-            }
-        );
-        assert_eq!(
-            intent(&[
-                "--intent",
-                "sinusoid",
-                "--force-n",
-                "1,1,0",
-                "--frequency-hz",
-                "0.5"
-            ]),
-            Intent::Sinusoid {
-                amplitude_n: [1.0, 1.0, 0.0],
-                frequency_hz: 0.5
-            }
-        );
-        let corner = Waypoint {
-            position_m: [-0.02, 0.0, 0.0],
-            speed_m_s: 0.05,
-        };
-        assert_eq!(
-            intent(&["--intent", "trajectory", "--waypoints", "-0.02,0,0@0.05"]),
-            Intent::Trajectory {
-                waypoints: vec![corner]
-            }
-        );
-    }
-
-    #[test]
-    fn waypoints_come_from_a_file_too() {
-        let path = std::env::temp_dir().join(format!("teleclay-waypoints-{}", std::process::id()));
-        std::fs::write(&path, "# a corner\n0.01,0,0@0.02\n").unwrap();
-        let read = read(&[
-            "--intent",
-            "trajectory",
-            "--waypoints",
-            path.to_str().unwrap(),
-        ]);
-        std::fs::remove_file(&path).unwrap();
-        let corner = Waypoint {
-            position_m: [0.01, 0.0, 0.0],
-            speed_m_s: 0.02,
-        };
-        assert_eq!(
-            read.unwrap().1,
-            Intent::Trajectory {
-                waypoints: vec![corner]
-            }
-        );
-    }
-
-    #[test]
-    fn what_is_wrong_is_named_with_what_would_be_right() {
-        for (words, what) in [
-            (
-                &["--connect", "localhost:7547"][..],
-                "want tcp, udp, tls or quic, then /ADDRESS:PORT",
-            ),
-            (
-                &["--connect", "quic/127.0.0.1:1?rel=1"],
-                "mixed_rel=1|0|auto",
-            ),
-            (&["--fingerprint", "ab:cd"], "64 hexadecimal digits"),
-            (&["--invite", "hello"], "an invite is one line"),
-            (&["--session", "De mo"], "wanted a-z, 0-9, _ or -"),
-            (
-                &["--intent", "dig"],
-                "possible values: idle, constant-force",
-            ),
-            (
-                &["--intent", "constant-force"],
-                "--intent constant-force needs --force-n",
-            ),
-            (
-                &["--intent", "sinusoid", "--force-n", "1,0,0"],
-                "needs --frequency-hz",
-            ),
-            (
-                &["--intent", "cutting", "--force-n", "1,0,0"],
-                "--force-n does not go with --intent cutting",
-            ),
-            (&["--force-n", "1,0"], "2 number(s), want three: X,Y,Z"),
-            (&["--frequency-hz", "0"], "want a finite number above zero"),
-            (&["--force-limit-n", "0"], "want a finite number above zero"),
-            (
-                &["--power-limit-w", "inf"],
-                "want a finite number above zero",
-            ),
-            (&["--clock-drift-ppm", "-200000"], "want -100000 to 100000"),
-            (
-                &["--intent", "trajectory", "--waypoints", "there.txt"],
-                "neither a file nor a list",
-            ),
-            (&["--seconds", "-1"], "want a number of seconds above zero"),
-            (&["--scheduling", "batch"], "want normal or fifo"),
-            (&["--spin-us", "5000"], "0..=1000"),
-            (&["--device", "omega"], "have simulated and robot"),
-            (&["--operator", ""], "want 1 to 64 printable characters"),
-        ] {
-            let error = read(words).unwrap_err();
-            assert!(error.contains(what), "{words:?}: {error}");
-        }
-    }
-}
+mod tests;

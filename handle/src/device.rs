@@ -4,6 +4,9 @@
 //! None of these calls may block, allocate or lock. A device opens in [`open`], on another thread, and is at rest from
 //! then until its first command; dropping it must leave it without power.
 
+mod choice;
+mod held;
+pub mod list;
 mod robot;
 mod room;
 mod simulated;
@@ -11,7 +14,9 @@ mod simulated;
 use std::fmt;
 use std::str::FromStr;
 
-use teleclay_device::{DeviceProfile, DeviceSample};
+use teleclay_device::{DeviceDescription, DeviceProfile, DeviceSample, Feedback};
+use teleclay_devices::haply::ServiceAddress;
+use teleclay_devices::{DeviceFault, Hardware};
 use teleclay_operator::{IntentError, RobotError, RobotState, SimulatedHandleError};
 use teleclay_proto::Axes;
 use teleclay_proto::join::Granted;
@@ -19,6 +24,8 @@ use teleclay_proto::{ToolDescription, join::LoopParameters};
 
 use crate::intent::Intent;
 
+pub use choice::DeviceChoice;
+pub use held::HeldDevice;
 pub use robot::RobotDevice;
 pub use simulated::SimulatedDevice;
 pub use teleclay_device::DeviceCommand;
@@ -28,6 +35,8 @@ pub use teleclay_device::DeviceCommand;
 pub enum DeviceRequest {
     /// A fresh block of clay: this one is cut.
     FreshClay,
+    /// A fresh block of clay, because a hand asks for one, whatever it has cut.
+    FreshClayForHand,
 }
 
 /// A haptic device.
@@ -49,6 +58,10 @@ pub trait Device: Send {
 
     /// What whoever holds it asks for, each thing once.
     fn poll_request(&mut self) -> Option<DeviceRequest>;
+
+    /// The loop that it works for ends or changes: a hand that holds it lets go, and nothing moves until it takes hold
+    /// anew. A simulated operator needs no asking.
+    fn let_go(&mut self) {}
 
     /// How its arms stand, when it has some.
     fn robot(&self) -> Option<RobotState> {
@@ -76,6 +89,9 @@ pub enum DeviceError {
     /// There is no such robot.
     #[error(transparent)]
     Robot(#[from] RobotError),
+    /// A device that a hand holds cannot be used, or no longer.
+    #[error(transparent)]
+    Hardware(#[from] DeviceFault),
 }
 
 /// The devices there are.
@@ -86,11 +102,19 @@ pub enum DeviceKind {
     Simulated,
     /// The same operator and servo on the three arms of the parallel robot, with joints that have limits.
     Robot,
+    /// One that a hand holds.
+    Held(Hardware),
 }
 
 impl DeviceKind {
     /// Every kind.
-    pub const ALL: [Self; 2] = [Self::Simulated, Self::Robot];
+    pub const ALL: [Self; 5] = [
+        Self::Simulated,
+        Self::Robot,
+        Self::Held(Hardware::Gamepad),
+        Self::Held(Hardware::Haply),
+        Self::Held(Hardware::Joystick),
+    ];
 
     /// What it may do to a hand, whatever it is told. A flag can only lower it.
     pub const fn profile(self) -> DeviceProfile {
@@ -104,6 +128,28 @@ impl DeviceKind {
                 silence_s: 0.1,
                 ramp_s: 0.05,
             },
+            Self::Held(hardware) => hardware.profile(),
+        }
+    }
+
+    /// As it describes itself.
+    pub const fn description(self) -> DeviceDescription {
+        let workspace_m = match self {
+            Self::Simulated => None,
+            // What its joints leave for sure.
+            Self::Robot => Some([0.045, 0.018, 0.012]),
+            Self::Held(hardware) => return hardware.description(),
+        };
+        DeviceDescription {
+            name: self.word(),
+            axes: 3,
+            workspace_m,
+            feedback: Feedback::Force {
+                axes: 3,
+                most_n: self.profile().force_n,
+            },
+            rate_hz: 1000.0,
+            measures_force: true,
         }
     }
 
@@ -112,6 +158,7 @@ impl DeviceKind {
         match self {
             Self::Simulated => "simulated",
             Self::Robot => "robot",
+            Self::Held(hardware) => hardware.word(),
         }
     }
 }
@@ -124,7 +171,9 @@ impl fmt::Display for DeviceKind {
 
 /// A word that names no device.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("`{got}` is not a device, have simulated and robot")]
+#[error(
+    "`{got}` is not a device, have simulated, robot, gamepad, haply and joystick; list shows them"
+)]
 pub struct UnknownDevice {
     /// The word.
     pub got: String,
@@ -159,6 +208,8 @@ pub struct DeviceSetup {
     pub tool: ToolDescription,
     /// Extent of the block, which starts at the origin of the clay's frame, m.
     pub block_m: [f64; 3],
+    /// Damping of the loop's handle, N·s/m.
+    pub handle_damping_n_s_per_m: f64,
 }
 
 impl DeviceSetup {
@@ -171,6 +222,7 @@ impl DeviceSetup {
             home_m,
             reach_m,
             tool,
+            virtual_damping_n_s_per_m,
             ..
         } = granted.parameters;
         let block_m = granted.clay.shape.size_m();
@@ -182,6 +234,7 @@ impl DeviceSetup {
             reach_m,
             tool,
             block_m,
+            handle_damping_n_s_per_m: virtual_damping_n_s_per_m,
         }
     }
 
@@ -193,19 +246,52 @@ impl DeviceSetup {
     }
 }
 
-/// Opens a device for a setup.
+/// What a device is opened with beside the session's setup.
+#[derive(Clone, Debug)]
+pub struct Opening {
+    /// Which device.
+    pub kind: DeviceKind,
+    /// What the operator of a simulated device does.
+    pub intent: Intent,
+    /// What the device may do to the hand.
+    pub profile: DeviceProfile,
+    /// Where the Haply Inverse Service is.
+    pub haply: ServiceAddress,
+}
+
+impl Opening {
+    /// Opens the device for a setup.
+    ///
+    /// # Errors
+    /// The device is not there, or cannot do what is asked.
+    pub fn open(&self, setup: &DeviceSetup) -> Result<Box<dyn Device>, DeviceError> {
+        match self.kind {
+            DeviceKind::Simulated => Ok(Box::new(SimulatedDevice::new(&self.intent, setup)?)),
+            DeviceKind::Robot => Ok(Box::new(RobotDevice::new(&self.intent, setup)?)),
+            DeviceKind::Held(hardware) => {
+                let held = HeldDevice::open(hardware, setup, self.profile, &self.haply)?;
+                Ok(Box::new(held))
+            }
+        }
+    }
+}
+
+/// Opens a device for a setup, within its own profile.
 ///
 /// # Errors
-/// The device is not there, or cannot do what is asked.
+/// As [`Opening::open`].
 pub fn open(
     kind: DeviceKind,
     intent: &Intent,
     setup: &DeviceSetup,
 ) -> Result<Box<dyn Device>, DeviceError> {
-    match kind {
-        DeviceKind::Simulated => Ok(Box::new(SimulatedDevice::new(intent, setup)?)),
-        DeviceKind::Robot => Ok(Box::new(RobotDevice::new(intent, setup)?)),
-    }
+    let opening = Opening {
+        kind,
+        intent: intent.clone(),
+        profile: kind.profile(),
+        haply: ServiceAddress::default(),
+    };
+    opening.open(setup)
 }
 
 /// The rounds of a cutting operator, each of which ends with a request for fresh clay.
@@ -237,7 +323,7 @@ mod tests {
         let error = "omega.7".parse::<DeviceKind>().unwrap_err();
         assert_eq!(
             error.to_string(),
-            "`omega.7` is not a device, have simulated and robot"
+            "`omega.7` is not a device, have simulated, robot, gamepad, haply and joystick; list shows them"
         );
     }
 }

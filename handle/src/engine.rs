@@ -183,6 +183,7 @@ impl Engine {
 
     fn start_brake(&mut self) {
         if self.brake.is_none() {
+            self.device.let_go();
             let (position_m, step_m) = self.last_command.unwrap_or_default();
             self.brake = Some(Brake::new(
                 position_m,
@@ -226,6 +227,8 @@ impl Engine {
             return;
         };
         attachment.take(now);
+        // A button that was pressed while the handle came to rest was pressed for the loop that is over.
+        self.device.let_go();
         let left = std::mem::replace(&mut self.attachment, attachment);
         out.retire(Done::Attachment { _attachment: left });
         self.brake = None;
@@ -237,6 +240,7 @@ impl Engine {
         let attachment = self.next.as_mut().unwrap_or(&mut self.attachment);
         if attachment.lease() == renewal.of && attachment.side.fault().is_none() {
             attachment.renew(now, &mut renewal.ends);
+            self.device.let_go();
         }
         Done::Renewal { _renewal: renewal }
     }
@@ -341,6 +345,7 @@ impl Machine for Engine {
             Order::Release { lease } => {
                 if let Some(side) = self.side_of(lease) {
                     side.handle_peer_gone(now);
+                    self.device.let_go();
                 }
                 Done::Order
             }

@@ -2,7 +2,7 @@
 //!
 //! | module | holds |
 //! |---|---|
-//! | [`device`] | what a device must do; the simulated ones: the paper's handle, the parallel robot |
+//! | [`device`] | what a device must do; the simulated ones, and those that a hand holds, by `teleclay-devices` |
 //! | [`door`] | the way to the server, and the certificate that it must show |
 //! | [`intent`] | what the simulated operator is to do |
 //! | [`arguments`] | the command line |

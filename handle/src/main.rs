@@ -6,13 +6,15 @@ use std::time::Duration;
 
 use serde::Serialize;
 use teleclay_handle::arguments::Arguments;
+use teleclay_handle::device::list::list;
+use teleclay_handle::device::{DeviceChoice, Opening};
 use teleclay_handle::door::Door;
 use teleclay_handle::event::{Event, Weight};
 use teleclay_handle::intent::Intent;
 use teleclay_handle::recording::Recording;
+use teleclay_handle::run;
 use teleclay_handle::run::{Ending, Options, Until};
 use teleclay_handle::status::Status;
-use teleclay_handle::{device, run};
 use teleclay_shell::network;
 use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::mpsc::{self, UnboundedReceiver};
@@ -40,6 +42,12 @@ fn main() -> ExitCode {
             };
         }
     };
+    if arguments.device == DeviceChoice::List {
+        let listed = list(&arguments.haply_url);
+        // A terminal that is gone cannot be told.
+        let _ = io::stdout().write_all(listed.as_bytes());
+        return ExitCode::SUCCESS;
+    }
     let filter = match EnvFilter::try_new(&arguments.log) {
         Ok(filter) => filter,
         Err(error) => {
@@ -99,8 +107,14 @@ async fn hold(arguments: Arguments, intent: Intent) -> ExitCode {
     };
     let (events, emitted) = mpsc::unbounded_channel();
     let printer = tokio::spawn(print(emitted, arguments.json, stop));
-    let kind = arguments.device;
+    let kind = arguments.device.kind();
     let profile = arguments.profile();
+    let opening = Opening {
+        kind,
+        intent,
+        profile,
+        haply: arguments.haply_url.clone(),
+    };
     let options = Options {
         operator: arguments.operator_name(),
         door: Door {
@@ -113,7 +127,7 @@ async fn hold(arguments: Arguments, intent: Intent) -> ExitCode {
         token: arguments.token,
         device: kind.word().to_owned(),
         profile,
-        open_device: Box::new(move |setup| device::open(kind, &intent, setup)),
+        open_device: Box::new(move |setup| opening.open(setup)),
         scheduling: arguments.scheduling,
         spin: Duration::from_micros(arguments.spin_us),
         clock_drift: arguments.clock_drift_ppm,

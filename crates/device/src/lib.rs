@@ -3,9 +3,11 @@
 //! SI units throughout; a position is the handle's displacement from its home.
 
 mod brake;
+mod description;
 mod guard;
 
 pub use brake::Brake;
+pub use description::{DeviceDescription, Feedback};
 pub use guard::{DeviceProfile, Guard};
 
 /// What a handle measures at one tick.

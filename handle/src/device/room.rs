@@ -43,6 +43,21 @@ pub(super) fn cutting_room(setup: &DeviceSetup) -> Reach {
     }
 }
 
+/// How far the full deflection of a stick moves the handle to either side of home: over the block to its edges, or to
+/// its floor, as far as the tool's reach goes.
+pub(super) fn stick_room_m(setup: &DeviceSetup) -> [f64; 3] {
+    let [least, greatest] = setup.reach_m;
+    let home = setup.home_m;
+    std::array::from_fn(|axis| {
+        let within_reach = (home[axis] - least[axis]).min(greatest[axis] - home[axis]);
+        let to_edge = home[axis]
+            .abs()
+            .max((setup.block_m[axis] - home[axis]).abs());
+        let tool_m = within_reach.min(to_edge).max(LEAST_ROOM_M);
+        tool_m / setup.position_ratio
+    })
+}
+
 /// How far the tool reaches from its position: to either side along x and y, and down.
 fn half_extent_m(tool: &ToolDescription) -> [f64; 3] {
     match *tool {
@@ -69,6 +84,7 @@ pub(super) mod tests {
             reach_m: [[-0.1, -0.1, -0.1], [0.25, 0.2, 0.2]],
             tool: ToolDescription::Ball { radius_m: 0.0064 },
             block_m: [0.128, 0.064, 0.064],
+            handle_damping_n_s_per_m: 10.0,
         }
     }
 
@@ -82,6 +98,23 @@ pub(super) mod tests {
                 depth_m: 0.020
             }
         );
+    }
+
+    #[test]
+    fn a_stick_reaches_the_edges_of_the_block_and_no_farther_than_the_tool() {
+        let room = stick_room_m(&carving());
+        for (got, want) in room.into_iter().zip([0.064, 0.032, 0.0704]) {
+            assert!((got - want).abs() < 1e-12, "{room:?}");
+        }
+        let near = DeviceSetup {
+            reach_m: [[0.034, 0.0, 0.06], [0.25, 0.2, 0.2]],
+            position_ratio: 2.0,
+            ..carving()
+        };
+        let room = stick_room_m(&near);
+        for (got, want) in room.into_iter().zip([0.015, 0.016, 0.0052]) {
+            assert!((got - want).abs() < 1e-12, "{room:?}");
+        }
     }
 
     #[test]

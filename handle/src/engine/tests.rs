@@ -24,6 +24,7 @@ use crate::attachment::{Arrived, LineEnds};
 use crate::device::DeviceKind;
 use crate::outbox::Sender;
 
+mod held;
 mod malice;
 mod renewed;
 mod replaced;
@@ -179,15 +180,19 @@ impl Bench {
             wants_clay: false,
             trouble: troubles,
         };
+        let profile = DeviceKind::Simulated.profile();
+        Self::around(Box::new(probe), profile, commands, trouble)
+    }
+
+    fn around(
+        device: Box<dyn Device>,
+        profile: DeviceProfile,
+        commands: Commands,
+        trouble: mpsc::Sender<Trouble>,
+    ) -> Self {
         let now = Timestamp::ZERO.after(TICK);
         let (tool, attachment) = tool(1, Clock::start());
-        let engine = Engine::new(
-            now,
-            TICK_S,
-            Box::new(probe),
-            DeviceKind::Simulated.profile(),
-            attachment,
-        );
+        let engine = Engine::new(now, TICK_S, device, profile, attachment);
         let (realtime, ends) = Realtime::new(engine, Clock::start(), CAPACITIES);
         Self {
             realtime,

@@ -101,10 +101,14 @@ impl Run {
         {
             self.emit(event);
         }
-        if record.request == Some(DeviceRequest::FreshClay) {
-            let rounds = self.metrics.on_round();
-            self.emit(Event::RoundFinished { rounds });
-            self.ask_for_fresh_clay();
+        match record.request {
+            Some(DeviceRequest::FreshClay) => {
+                let rounds = self.metrics.on_round();
+                self.emit(Event::RoundFinished { rounds });
+                self.ask_for_fresh_clay();
+            }
+            Some(DeviceRequest::FreshClayForHand) => self.ask_for_fresh_clay(),
+            None => {}
         }
         if self.is_leaving {
             // A server may stop speaking to whoever says goodbye.

@@ -1,12 +1,13 @@
 //! The rooms, and which of them each one uses.
 
 /// Which rooms each room uses, tests of it included: exactly these.
-pub(crate) const USES: [(&str, &[&str]); 30] = [
+pub(crate) const USES: [(&str, &[&str]); 31] = [
     ("control", &[]),
     ("kinematics", &[]),
     ("clay", &[]),
     ("device", &[]),
     ("impedance", &["device"]),
+    ("devices", &["device", "impedance"]),
     ("seal", &[]),
     ("channel", &["seal"]),
     ("journal", &[]),
@@ -105,6 +106,8 @@ pub(crate) const USES: [(&str, &[&str]); 30] = [
             "channel",
             "clay",
             "device",
+            "devices",
+            "impedance",
             "link",
             "operator",
             "proto",
