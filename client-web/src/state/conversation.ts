@@ -63,7 +63,9 @@ const GIVE_UP_MS = 120_000;
 /** A brake takes a fraction of this; a worker that does not tell is not waited for. */
 const REST_MS = 500;
 const LEAVE_MS = 1000;
-/** What a worker told before it heard of its new lease comes within this; and a server that is there is heard by then. */
+/**
+ * What a worker told before it heard of its new lease comes within this; and a server that is there is heard by then.
+ */
 const SETTLE_MS = 2000;
 /** A first join is tried so often where the server is busy. */
 const MOST_TRIES = 8;

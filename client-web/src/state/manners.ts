@@ -1,4 +1,5 @@
-// Who may do what with each tool, as one page sees it: from the session's state, who sits here, and what this page holds.
+// Who may do what with each tool, as one page sees it: from the session's state, who sits here, and what this page
+// holds.
 
 import type { Session } from "../protocol/session";
 
