@@ -50,6 +50,11 @@ describe("a drag", () => {
     drag.move(at(50, 0, { buttons: 1 }));
     expect(loop.orders).toEqual(["hold", "clutch", "hold"]);
     near(loop.place, [0.05, 0, 0]);
+    drag.move(at(50, 0, { buttons: 3 }));
+    drag.move(at(60, 0, { buttons: 2 }));
+    drag.move(at(90, 0, { buttons: 2 }));
+    expect(loop.orders).toEqual(["hold", "clutch", "hold", "clutch", "open"]);
+    near(loop.place, [0.05, 0, 0]);
   });
 
   it("with the middle button turns the view, and no other button takes hold", () => {

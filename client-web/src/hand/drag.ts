@@ -1,6 +1,6 @@
-// Mouse, finger and pen on the picture: a drag moves the hand in the plane that the tool is in. A second finger lifts by
-// how far apart the two are, and turns the view by where they go together; the middle button turns the view as well. The
-// right button is the clutch.
+// Mouse, finger and pen on the picture: a drag moves the hand in the plane that the tool is in. A second finger lifts
+// by how far apart the two are, and turns the view by where they go together; the middle button turns the view as well.
+// The right button is the clutch.
 
 import type { Triple } from "../protocol/theory";
 import type { Grip } from "./grip";
@@ -97,6 +97,11 @@ export class Drag {
       return;
     }
     if (touch.id !== this.#leader) return;
+    // Of a mouse with two buttons down the browser says no more than that one of them is up.
+    if ((touch.buttons & LEFT) === 0) {
+      this.up(touch.id);
+      return;
+    }
     if ((touch.buttons & RIGHT) !== 0) this.#grip.clutchOut("pointer");
     else this.#grip.clutchIn("pointer");
     const [x_m, y_m] = this.#point;
@@ -155,7 +160,9 @@ export class Drag {
   }
 }
 
-/** Where a ray meets the plane of a height, m; a ray that hardly goes down meets it no farther off than a steeper one. */
+/**
+ * Where a ray meets the plane of a height, m; a ray that hardly goes down meets it no farther off than a steeper one.
+ */
 export function onPlane({ from_m, along }: Ray, height_m: number): readonly [number, number] {
   const below_m = from_m[2] - height_m;
   // From under the plane one looks up at it.
