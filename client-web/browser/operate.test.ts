@@ -111,12 +111,84 @@ describe("operating in the browser", () => {
     await ada.page.keyboard.up("Space");
   });
 
+  it("moves by fingers: one drags, a second one lifts as they part", async () => {
+    const { x, y } = await middle();
+    const fingers = await ada.page.context().newCDPSession(ada.page);
+    const touch = (type: "touchStart" | "touchMove" | "touchEnd", ...points: readonly (readonly [number, number])[]): Promise<unknown> =>
+      fingers.send("Input.dispatchTouchEvent", { type, touchPoints: points.map(([px, py], id) => ({ x: px, y: py, id })) });
+    const before_m = toolNow();
+    await touch("touchStart", [x, y]);
+    await grasp("held");
+    for (let step = 1; step <= 10; step += 1) await touch("touchMove", [x - 5 * step, y]);
+    await until("the tool has come along", () => toolNow()[0] - before_m[0] < -0.004);
+    await touch("touchStart", [x - 50, y], [x + 50, y]);
+    for (let step = 1; step <= 10; step += 1) await touch("touchMove", [x - 50, y], [x + 50 + 4 * step, y]);
+    await until("the tool is 6 mm higher", () => Math.abs(toolNow()[2] - before_m[2] - 0.006) < 4e-4);
+    await touch("touchEnd");
+    await grasp("released");
+  });
+
+  it("moves by a gamepad's stick while its button is down, and rumbles by what is felt", async () => {
+    await ada.page.evaluate(plugIn);
+    const before_m = toolNow()[0];
+    await ada.page.evaluate(() => Object.assign(window, { padButton: 1, padX: 0 }));
+    await grasp("held");
+    await ada.page.evaluate(() => Object.assign(window, { padX: 1 }));
+    await until("the tool goes along x by no more than the stick", () => 0.03 < toolNow()[0] - before_m && toolNow()[0] - before_m < 0.045);
+    await until("it has rumbled", () => ada.page.evaluate(() => 0 < Number(Reflect.get(window, "rumbles"))));
+    await ada.page.evaluate(() => Object.assign(window, { padButton: 0, padX: 0 }));
+    await grasp("released");
+    await ada.page.evaluate(() => { Object.defineProperty(navigator, "getGamepads", { value: () => [], configurable: true }); });
+  });
+
+  it("lets go above the limit that is set, and where an axis is held fast it does not move along that", async () => {
+    await ada.page.getByText("How the hand is set").click();
+    await ada.set("hand-limit", "0.3");
+    const { x, y } = await middle();
+    await ada.page.mouse.move(x, y);
+    await ada.page.mouse.down();
+    await grasp("held");
+    await ada.page.mouse.move(x + 120, y, { steps: 6 });
+    await ada.saying("operate-says", "More was felt than the limit");
+    await grasp("released");
+    await ada.page.mouse.up();
+    await ada.set("hand-limit", "0");
+    await ada.page.getByTestId("lock-x").check();
+    const before_m = toolNow();
+    await ada.page.mouse.move(x, y);
+    await ada.page.mouse.down();
+    await grasp("held");
+    await ada.page.mouse.move(x + 60, y - 60, { steps: 12 });
+    await until("the tool goes along y", () => 0.004 < Math.abs(toolNow()[1] - before_m[1]));
+    expect(Math.abs(toolNow()[0] - before_m[0])).toBeLessThan(1e-3);
+    await ada.page.mouse.up();
+    await ada.page.getByTestId("lock-x").uncheck();
+    await ada.page.getByText("How the hand is set").click();
+  });
+
+  it("lets go where the page goes out of sight, and says so on return", async () => {
+    const { x, y } = await middle();
+    await ada.page.mouse.move(x, y);
+    await ada.page.mouse.down();
+    await grasp("held");
+    await ada.page.evaluate(() => {
+      Object.defineProperty(document, "hidden", { value: true, configurable: true });
+      document.dispatchEvent(new Event("visibilitychange"));
+      Object.defineProperty(document, "hidden", { value: false, configurable: true });
+    });
+    await ada.saying("operate-says", "The page was out of sight");
+    await grasp("released");
+    await ada.page.mouse.move(x + 40, y, { steps: 3 });
+    expect(await attribute("scene", "data-grasp")).toBe("released");
+    await ada.page.mouse.up();
+  });
+
   it("says that the link is silent, and goes on under the same lease where it is heard again", async () => {
     const joins = standIn.asked.length;
     standIn.isSilent = true;
     await ada.saying("operate-says", "The link is silent");
     standIn.isSilent = false;
-    await until("nothing is amiss", async () => (await ada.text("operate-says")) === "");
+    await until("nothing is amiss", async () => (await ada.page.locator("[data-line=silent], [data-line=again]").count()) === 0);
     await standing("in");
     expect(standIn.asked.length).toBeLessThanOrEqual(joins + 1);
   });
@@ -190,11 +262,25 @@ describe("operating in the browser", () => {
     await standing("in");
   });
 
+  it("begins anew where the session's loop is another one, and says so", async () => {
+    standIn.parameters = { virtual_mass_kg: 0.8 };
+    ada.serverIsAway = true;
+    standIn.cut();
+    await ada.saying("operate-says", "The session's loop is another one now");
+    await standing("in");
+    ada.serverIsAway = false;
+    await until("the loop runs", async () => 900 < (await ada.number("loop-rate")));
+    await grasp("released");
+  });
+
   it("has everything in its place on a desk and on a telephone", async () => {
     const { x, y } = await middle();
     await ada.page.mouse.move(x, y);
     await ada.page.mouse.down();
-    await ada.page.mouse.move(x + 50, y + 30, { steps: 4 });
+    await grasp("held");
+    const before_m = toolNow();
+    await ada.page.mouse.move(x + 50, y + 30, { steps: 8 });
+    await until("the tool comes along", () => toolNow()[0] !== before_m[0]);
     await ada.keep("operate-held");
     await ada.page.mouse.up();
     standIn.change({}, { requests: ["Bob of the long name, from the laboratory"] });
@@ -217,3 +303,20 @@ describe("operating in the browser", () => {
     expect([...ada.complaints, ...other.complaints]).toEqual([]);
   });
 });
+
+/** Runs in the browser: a gamepad whose stick and button are what the test says. */
+function plugIn(): void {
+  Object.assign(window, { padButton: 0, padX: 0, rumbles: 0 });
+  const pad = {
+    id: "a pad for tests", connected: true, mapping: "standard",
+    get axes(): number[] { return [Number(Reflect.get(window, "padX")), 0, 0, 0]; },
+    get buttons(): { value: number }[] { return [{ value: Number(Reflect.get(window, "padButton")) }]; },
+    vibrationActuator: {
+      playEffect: () => {
+        Object.assign(window, { rumbles: Number(Reflect.get(window, "rumbles")) + 1 });
+        return Promise.resolve("complete");
+      },
+    },
+  };
+  Object.defineProperty(navigator, "getGamepads", { value: () => [pad], configurable: true });
+}

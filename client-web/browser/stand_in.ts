@@ -24,7 +24,7 @@ const [A_TOOL] = fakeSession().tools;
 const textSchema = v.looseObject({ type: v.string(), operator: v.optional(v.string()), nonce: v.optional(v.number()), telemetry: v.optional(v.string()) });
 type Text = v.InferOutput<typeof textSchema>;
 const bodySchema = v.object({ operator: v.optional(v.string(), ""), reason: v.optional(v.string(), "") });
-const grantSchema = v.looseObject({ lease: v.number() });
+const grantSchema = v.looseObject({ lease: v.number(), parameters: v.looseObject({ revision: v.number() }) });
 
 export class StandIn {
   session: Session = fakeSession({ state: "idle", tools: [{ ...A_TOOL, operator: "", connected: false, home_m: HOME_M, position_m: HOME_M }] });
@@ -34,6 +34,8 @@ export class StandIn {
   frames = 0;
   /** A silent loop is one whose frames do not come through. */
   isSilent = false;
+  /** What a grant says of the loop, where that is something else than was recorded. */
+  parameters: Record<string, unknown> = {};
   readonly #server: Server;
   readonly #watchers = new Set<ServerSocket>();
   readonly #timer: NodeJS.Timeout;
@@ -186,6 +188,9 @@ export class StandIn {
     this.#lease += 1;
     this.#holder = { socket, loop: new StandInLoop(bytesOf(keys).subarray(KEY_BYTES), HOME_M) };
     this.change({ state: "running" }, { operator, connected: true, reserved_for: null });
-    return { type: "granted", keys, granted: { ...v.parse(grantSchema, JSON.parse(granted)), lease: this.#lease } };
+    const recorded = v.parse(grantSchema, JSON.parse(granted));
+    // A session counts a revision for every lease; by that a handle knows that it is the same one, later.
+    const parameters = { ...recorded.parameters, ...this.parameters, revision: recorded.parameters.revision + this.#lease };
+    return { type: "granted", keys, granted: { ...recorded, parameters, lease: this.#lease } };
   }
 }

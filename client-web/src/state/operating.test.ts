@@ -154,4 +154,30 @@ describe("operating", () => {
     expect(bench.operating.standing.value.name).toBe("leaving");
     expect(bench.hand.orders).toEqual(["leave"]);
   });
+
+  it("says that a loop begins anew, whose handle is at home, and has somebody take hold of that one", async () => {
+    const bench = await Bench.held();
+    bench.operating.hold();
+    bench.tell({ type: "closed", code: 1006, reason: "" }, { type: "open" }, text(grantText({ lease: 2 })));
+    bench.operating.hold();
+    bench.letGo = 0;
+    bench.tell({ type: "refused", of: "renew", says: "another loop" }, stateOf(fakeHandState({ mode: "resting" })));
+    expect(bench.hand.orders.slice(-5)).toEqual(["begin", "lock", "limit", "motion", "release"]);
+    expect([bench.operating.letGo.value, bench.letGo]).toEqual([{ kind: "anew" }, 1]);
+  });
+
+  it("does not call a line full that was not there", async () => {
+    const bench = await Bench.held();
+    const unsent = (count: number): void => bench.tell(stateOf(fakeHandState(), count));
+    unsent(3);
+    bench.tell(text({ type: "farewell", reason: "stopped" }));
+    unsent(500);
+    bench.operating.operate("demo", "Ada", DEVICE);
+    unsent(900);
+    bench.tell({ type: "open" }, text(grantText({ lease: 2 })));
+    unsent(910);
+    expect(bench.operating.hand.value?.isUnsent).toBe(false);
+    unsent(911);
+    expect(bench.operating.hand.value?.isUnsent).toBe(true);
+  });
 });

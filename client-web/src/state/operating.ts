@@ -30,7 +30,9 @@ export type LetGo =
   | { readonly kind: "hidden" }
   /** The loop stood still for so long that nothing may go on by itself. */
   | { readonly kind: "gap" }
-  | { readonly kind: "lease" };
+  | { readonly kind: "lease" }
+  /** The loop was made anew, and its handle stands at its home. */
+  | { readonly kind: "anew" };
 
 export interface Hand {
   readonly state: HandState;
@@ -163,7 +165,7 @@ export class Operating {
       onStanding: (standing) => {
         if (port === this.#port) this.#onStanding(standing);
       },
-      onBegun: () => this.#tellSettings(port),
+      onBegun: () => this.#onBegun(port),
       onTrouble: this.#report,
     });
   }
@@ -195,6 +197,8 @@ export class Operating {
     const before = this.#standing.peek().name;
     batch(() => {
       this.#standing.value = standing;
+      // What no line took while there was none was held up by nothing.
+      if (standing.name === "in" && before !== "in") this.#unsent = new Rising();
       if (standing.name === "again" && before === "in") this.letGoFor({ kind: "lease" });
       if (standing.name === "out" || standing.name === "leaving") {
         this.onLetGo?.();
@@ -207,6 +211,12 @@ export class Operating {
         this.#conversation?.leave();
       });
     }
+  }
+
+  #onBegun(port: HandPort): void {
+    this.#tellSettings(port);
+    // What somebody held meanwhile was the loop before.
+    if (port === this.#port && this.#standing.peek().name === "in") this.letGoFor({ kind: "anew" });
   }
 
   #tellSettings(port: HandPort): void {

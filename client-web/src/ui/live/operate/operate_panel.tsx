@@ -46,7 +46,6 @@ function Stopped(): JSX.Element | null {
 function Taking(): JSX.Element {
   const standing = operating.standing.value;
   const isOut = standing.name === "out";
-  const why = useComputed(() => (live.session.value === undefined ? undefined : hindrance(live.session.value, rows.value)));
   return (
     <form
       class="taking"
@@ -71,7 +70,7 @@ function Taking(): JSX.Element {
           data-testid="operator"
         />
       </label>
-      <button type="submit" class="primary" title={isOut ? why.value ?? "takes a tool; nothing moves until you take hold" : "puts the keyboard's focus on the picture"} data-testid="operate">
+      <button type="submit" class="primary" title={isOut ? "takes a tool; nothing moves until you take hold" : "puts the keyboard's focus on the picture"} data-testid="operate">
         {BUTTONS[standing.name]}
       </button>
       {!isOut && (
@@ -87,10 +86,13 @@ const BUTTONS = { out: "Operate", asking: "Asking …", in: "To the hand", again
 function Lines(): JSX.Element {
   const standing = operating.standing.value;
   const lines = useComputed(() => linesOf(operating.standing.value, operating.hand.value, operating.letGo.value));
+  const why = useComputed(() => (live.session.value === undefined ? undefined : hindrance(live.session.value, rows.value)));
   const because = standing.name === "out" && standing.because !== undefined ? [saidOf(standing.because)] : [];
+  const isStopped = useComputed(() => live.session.value?.state === "stopped");
   return (
     <div class="lines" aria-live="polite" data-testid="operate-says">
       {[...because, ...lines.value].map(({ key, level, says }) => <p key={key} data-level={level} data-line={key}>{says}</p>)}
+      {standing.name === "out" && !isStopped.value && why.value !== undefined && <p data-line="hindrance">{why.value}</p>}
       {said.value !== undefined && <p data-level="warn" data-line="answer">{said.value}</p>}
     </div>
   );

@@ -26,7 +26,7 @@ describe("what an operator is told", () => {
   });
 
   it("is why the hand was let go of, and that it has to take hold anew", () => {
-    for (const letGo of [{ kind: "limit", felt_n: 2.53 }, { kind: "hidden" }, { kind: "gap" }, { kind: "lease" }] as const) {
+    for (const letGo of [{ kind: "limit", felt_n: 2.53 }, { kind: "hidden" }, { kind: "gap" }, { kind: "lease" }, { kind: "anew" }] as const) {
       const [line] = linesOf(IN, hand(), letGo);
       expect(line.key).toBe(`let-go-${letGo.kind}`);
       expect(line.says).toMatch(/Take hold anew to go on\.$/);

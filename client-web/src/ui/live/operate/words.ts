@@ -29,6 +29,7 @@ const LET_GO: Record<Exclude<LetGo["kind"], "limit">, string> = {
   hidden: "The page was out of sight, where no browser tells of a hand in time: the hand was let go of.",
   gap: "The loop in this page stood still for a while: the hand was let go of.",
   lease: "The lease was lost: the hand was let go of.",
+  anew: "The session's loop is another one now: the hand was let go of, and the handle is at its home.",
 };
 
 /** What is amiss or worth knowing while a tool is held, the gravest first. */
