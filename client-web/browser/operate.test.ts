@@ -4,7 +4,7 @@ import type { Browser } from "playwright-core";
 import { afterAll, beforeAll, beforeEach, describe, expect, it } from "vitest";
 import { StandIn } from "./stand_in";
 import { until } from "./until";
-import { launch, WatchedPage } from "./watched_page";
+import { launch, VIEWPORT, WatchedPage } from "./watched_page";
 
 let standIn: StandIn;
 let browser: Browser;
@@ -286,6 +286,11 @@ describe("operating in the browser", () => {
     standIn.change({}, { requests: ["Bob of the long name, from the laboratory"] });
     await ada.saying("tools", "asks for it");
     expect(await ada.fit("operate")).toEqual([]);
+    for (const summary of ["Wheel, keys, fingers, gamepad", "How the hand is set"]) await ada.page.getByText(summary).click();
+    expect(await ada.fit("operate-open")).toEqual([]);
+    await ada.page.setViewportSize({ width: 1800, height: 1000 });
+    await ada.keep("operate-wide");
+    await ada.page.setViewportSize(VIEWPORT);
   });
 
   it("gives the tool back", async () => {

@@ -13,7 +13,7 @@ import { clayFeed, live, operating, past } from "../store";
 import { isDark } from "../theme";
 import { arrowScale } from "./arrow_scale";
 import { Forces } from "./forces";
-import { blockOf, othersOf, poseOf, poseOfHand } from "./moment";
+import { blockOf, length, othersOf, poseOf, poseOfHand } from "./moment";
 import { HandScene } from "./operate/hand_scene";
 import { PastCard } from "./past_card";
 import { SituationCard } from "./situation";
@@ -119,6 +119,8 @@ function followLoop(
   /** The moment on show; nothing while there is no tool to show. */
   let shown_s: number | undefined = Number.NaN;
   let shownHand: HandState | undefined;
+  /** Greatest force of late in this page's own loop, N: it is ahead of telemetry. */
+  let felt_n = 0;
   let second = 0;
   let frames = 0;
   return onFrame((now_ms) => {
@@ -132,7 +134,8 @@ function followLoop(
     if (wanted_s !== shown_s || hand !== shownHand) {
       shown_s = wanted_s;
       shownHand = hand;
-      mm_per_n.value = arrowScale(history.greatest(Channel.tool_force_n, 10), history.greatest(Channel.felt_force_n, 10));
+      felt_n = Math.max(0.99 * felt_n, hand === undefined ? 0 : length(hand.felt_force_n));
+      mm_per_n.value = arrowScale(history.greatest(Channel.tool_force_n, 10), history.greatest(Channel.felt_force_n, 10), felt_n);
       const pose = shows ? poseOf(session, tool, history, time_s) : undefined;
       view.setPose(shows && pose !== undefined && hand !== undefined ? poseOfHand(session, tool, hand, pose.toolForce_n) : pose, mm_per_n.value);
       view.setOthers(shows ? othersOf(session, tool, (id) => live.historyOf(id), time_s) : []);

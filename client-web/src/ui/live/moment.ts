@@ -30,7 +30,8 @@ export function poseOf(session: Session, tool: ToolState, history: History, time
 export function poseOfHand(session: Session, tool: ToolState, state: HandState, toolForce_n: Vector): Pose {
   return {
     tool_m: state.tool_m,
-    handle_m: inClay(session, tool, state.hand_m),
+    // Of a hand that holds nothing no spring goes to the tool.
+    handle_m: inClay(session, tool, state.grasp === "held" ? state.hand_m : state.handle_m),
     toolForce_n,
     feltForce_n: state.felt_force_n,
     isHeldHere: true,

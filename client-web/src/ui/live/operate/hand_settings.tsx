@@ -52,7 +52,7 @@ export function HandSettings(): JSX.Element {
         />
         <ValueField
           name="hand-limit"
-          label="limit"
+          label="let go at"
           unit="N"
           factor={1}
           scale={linear(MOST_LIMIT_N)}

@@ -117,7 +117,8 @@ function pointers(element: HTMLElement, drag: Drag): (() => void)[] {
       drag.down(touchOf(event));
     }),
     on(element, "pointermove", (event) => {
-      const all = event.getCoalescedEvents();
+      // Browsers give these, as gamepads, to pages that come encrypted or from this machine.
+      const all = "getCoalescedEvents" in event ? event.getCoalescedEvents() : [];
       for (const each of all.length === 0 ? [event] : all) drag.move(touchOf(each));
     }),
     ...(["pointerup", "pointercancel", "lostpointercapture"] as const).map((name) => on(element, name, (event) => drag.up(event.pointerId))),
@@ -132,6 +133,7 @@ function on<K extends keyof HTMLElementEventMap>(element: HTMLElement, name: K, 
 
 /** The first gamepad whose sticks and buttons are where every game expects them. */
 function padThere(): Gamepad | undefined {
+  if (!("getGamepads" in navigator)) return undefined;
   return navigator.getGamepads().find((each) => each?.connected === true && each.mapping === "standard") ?? undefined;
 }
 
