@@ -135,16 +135,25 @@ describe("a wheel", () => {
 
   it("lifts the plane of a drag, which goes on without a leap", () => {
     const { loop, grip, drag } = bench();
-    const tilted: Eye = { rayAt: (x) => ({ from_m: [x / 1000, -0.4, 0.43], along: [0, 0.6, -0.8] }), turn: () => undefined };
+    const tilted: Eye = {
+      rayAt: (x) => {
+        const far = Math.hypot(x / 1000, 1);
+        return { from_m: [0, -0.4, 0.43], along: [x / 1000 / far, 0.6 / far, -0.8 / far] };
+      },
+      turn: () => undefined,
+    };
     const slanted = new Drag(grip, tilted, () => ({ height_m: 0.03, ratio: 1 }));
     grip.onLift = (lift_m) => slanted.onLift(lift_m);
     drag.forget();
     grip.tick(0);
     slanted.down(at(0, 0));
-    grip.lift(0.01, 0);
-    for (let now_ms = 16; now_ms < 500; now_ms += 16) grip.tick(now_ms);
-    slanted.move(at(0, 0, { at_ms: 500 }));
-    near(loop.place, [0, 0, 0.01]);
+    grip.lift(0.04, 0);
+    for (let now_ms = 16; now_ms < 1000; now_ms += 16) grip.tick(now_ms);
+    slanted.move(at(0, 0, { at_ms: 1000 }));
+    near(loop.place, [0, 0, 0.04]);
+    // Nearer to the eye by a tenth, the same way on the screen is a shorter one.
+    slanted.move(at(100, 0, { at_ms: 1010 }));
+    near(loop.place, [0.1 * (0.4 - 0.04) / 0.8, 0, 0.04]);
   });
 });
 

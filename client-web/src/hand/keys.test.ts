@@ -36,6 +36,14 @@ describe("keys", () => {
     expect(loop.orders.at(-1)).toBe("open");
   });
 
+  it("that were down when the hand was let go of take hold of nothing by being down", () => {
+    const { loop, keys, grip } = bench();
+    keys.press("Space", key);
+    grip.forget();
+    keys.press("Space", { ...key, isRepeat: true });
+    expect(loop.orders).toEqual(["hold"]);
+  });
+
   it("let go where the focus goes, and of whatever holds at escape; C is the clutch of whatever holds", () => {
     const { loop, keys, drag } = bench();
     keys.press("Space", key);

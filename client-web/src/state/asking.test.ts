@@ -20,6 +20,7 @@ describe("a request", () => {
     asking.ask(1);
     // The state may be from before the request.
     expect(asking.look(rows({}))).toBeUndefined();
+    expect(asking.look(rows({ operator: "", connected: false }))).toBeUndefined();
     expect(asking.look(asked)).toBeUndefined();
     expect(asking.look(asked)).toBeUndefined();
     expect(asking.look(now)).toBe(end);

@@ -86,6 +86,7 @@ export async function deny(tool: number, operator: string): Promise<void> {
 /** The hand here lets go at once, whatever becomes of the request. */
 export async function stop(): Promise<void> {
   operating.open();
+  operating.onLetGo?.();
   const isDone = await tell((session) => live.api.stop(session, `${name()} pressed stop on the page`));
   if (!isDone) answer.value = `The stop did not reach the session: ${answer.value ?? "no answer"}. The hand on this page has let go.`;
 }
