@@ -41,7 +41,7 @@ class Bench {
   static async begun(how: Pace["how"] = "timers"): Promise<Bench> {
     const bench = new Bench(await builtHand(), how);
     const { keys, granted } = recordedStroke();
-    bench.take({ type: "connect", url: "wss://lab/stream" });
+    bench.take({ type: "connect", url: "wss://lab/stream", subprotocols: ["teleclay.v1"] });
     bench.take({ type: "begin", keys: bytesOf(keys).buffer, granted, device: { rate_hz: 60, motion: 1 } });
     expect(bench.posted).toEqual([]);
     return bench;
@@ -162,7 +162,7 @@ describe("the hand's loop", () => {
     const bench = await Bench.begun();
     bench.take({ type: "motion", motion: -1 });
     bench.take({ type: "parameters", json: "[]" });
-    expect(bench.posted.map(({ type }) => type)).toEqual(["refused", "refused"]);
+    expect(bench.posted).toMatchObject([{ type: "refused", of: "motion" }, { type: "refused", of: "parameters" }]);
     bench.run(40, () => 4);
     bench.isBroken = true;
     expect(bench.loop.wake()).toBeUndefined();
@@ -172,5 +172,46 @@ describe("the hand's loop", () => {
     bench.take({ type: "hold" });
     bench.loop.wake();
     expect([bench.ticks.length, bench.posted.length]).toEqual([wakes, posted]);
+  });
+
+  it("lets go where so much is felt as the hand said is enough, and the page need not be awake for it", async () => {
+    const felt = async (limit_n: number | undefined): Promise<{ most_n: number; let_go_n: number[]; grasps: Set<string> }> => {
+      const bench = await Bench.begun();
+      bench.take({ type: "limit", felt_n: limit_n });
+      let [most_n, isHeld] = [0, false];
+      const { wakes } = recordedStroke();
+      for (const { now_ms, samples, heard } of wakes) {
+        bench.now_ms = now_ms;
+        for (const message of heard) bench.loop.onBinary(bytesOf(message).buffer);
+        for (const [at_ms, x_m, y_m, z_m] of samples) bench.take({ type: "sample", at_epoch_ms: 1_000_000 + at_ms, position_m: [x_m, y_m, z_m] });
+        if (!isHeld) bench.take({ type: "hold" });
+        isHeld = true;
+        bench.loop.wake();
+        most_n = Math.max(most_n, Math.hypot(...(bench.states().at(-1)?.state.felt_force_n ?? [0])));
+      }
+      const let_go_n = bench.posted.flatMap((message) => (message.type === "limited" ? [message.felt_n] : []));
+      return { most_n, let_go_n, grasps: new Set(bench.states().map(({ state }) => state.grasp)) };
+    };
+    const free = await felt(undefined);
+    expect(free.let_go_n).toEqual([]);
+    expect(free.most_n).toBeGreaterThan(0.2);
+    const limited = await felt(free.most_n / 2);
+    expect(limited.let_go_n).toHaveLength(1);
+    expect(limited.let_go_n[0]).toBeGreaterThanOrEqual(free.most_n / 2);
+    expect(limited.grasps).toContain("released");
+    expect((await felt(free.most_n * 1.01)).let_go_n).toEqual([]);
+  });
+
+  it("without its line lets the force fade and sends nothing, until there is another", async () => {
+    const bench = await Bench.begun();
+    bench.run(40, () => 4);
+    bench.take({ type: "disconnect" });
+    const before = bench.sent.length;
+    bench.run(100, () => 4);
+    expect([bench.closed, bench.sent.length]).toEqual([1, before]);
+    expect(bench.states().at(-1)?.state).toMatchObject({ felt_force_n: [0, 0, 0], wanted: { lease: true } });
+    bench.take({ type: "connect", url: "wss://lab/stream", subprotocols: ["teleclay.v1"] });
+    bench.run(40, () => 4);
+    expect(bench.sent.length).toBeGreaterThan(before);
   });
 });

@@ -1,7 +1,7 @@
 // The worker's work without the worker: what to do with what came, when to wake, what to send and to tell. Clock,
 // socket and page are arguments.
 
-import { type HandModule, isFrames } from "../protocol/hand_module";
+import { type HandModule, type HandState, isFrames } from "../protocol/hand_module";
 import type { FromHand, Pace, ToHand } from "./port";
 
 /** From wake to wake, ms, at the least: ticks wait for one another, so that there are fewer messages than ticks. */
@@ -27,7 +27,7 @@ export interface World {
   now(): number;
   readonly began_epoch_ms: number;
   readonly how: Pace["how"];
-  connect(url: string): Line;
+  connect(url: string, subprotocols: readonly string[]): Line;
   post(message: FromHand): void;
 }
 
@@ -38,6 +38,7 @@ export class HandLoop {
   #told_ms = -Infinity;
   #most_ticks = 0;
   #unsent = 0;
+  #limit_n: number | undefined;
   #has_ended = false;
 
   constructor(module: HandModule, world: World) {
@@ -48,7 +49,7 @@ export class HandLoop {
   /** Something came from the page. */
   take(message: ToHand): void {
     if (this.#has_ended) return;
-    this.#guarded(() => {
+    this.#guarded(message.type, () => {
       this.#carryOut(message);
     });
   }
@@ -68,7 +69,7 @@ export class HandLoop {
       return;
     }
     // What is no frame is counted, and nobody needs to be told a thousand times a second.
-    this.#guarded(() => {
+    this.#guarded("wake", () => {
       this.#module.hear(this.#world.now(), bytes);
     }, () => undefined);
   }
@@ -82,7 +83,7 @@ export class HandLoop {
   /** Makes what is owed. Returns how long to wait until the next wake, ms; nothing when there is no hand any more. */
   wake(): number | undefined {
     if (this.#has_ended) return undefined;
-    this.#guarded(() => {
+    this.#guarded("wake", () => {
       this.#step(this.#world.now());
     });
     // A failure within has ended it.
@@ -99,13 +100,24 @@ export class HandLoop {
     const message = this.#module.outgoing();
     if (0 < ticks && message !== undefined) this.#send(message);
     this.#module.tidy();
-    if (now_ms < this.#told_ms + STATE_MS) return;
+    const isDue = this.#told_ms + STATE_MS <= now_ms;
+    if (!isDue && this.#limit_n === undefined) return;
     const state = this.#module.look();
     if (state === undefined) return;
+    this.#letGoAbove(state);
+    if (!isDue) return;
     const pace: Pace = { how: this.#world.how, most_ticks: this.#most_ticks, unsent: this.#unsent };
     this.#world.post({ type: "state", state, pace });
     this.#told_ms = now_ms;
     this.#most_ticks = 0;
+  }
+
+  /** The page may be busy: a hand that wants to be let go of at some force is, here. */
+  #letGoAbove({ grasp, felt_force_n }: HandState): void {
+    const felt_n = Math.hypot(...felt_force_n);
+    if (this.#limit_n === undefined || grasp !== "held" || felt_n < this.#limit_n) return;
+    this.#module.release();
+    this.#world.post({ type: "limited", felt_n });
   }
 
   #send(message: Uint8Array<ArrayBuffer>): void {
@@ -125,7 +137,12 @@ export class HandLoop {
     switch (message.type) {
       case "connect":
         this.#line?.close();
-        this.#line = this.#world.connect(message.url);
+        this.#line = this.#world.connect(message.url, message.subprotocols);
+        break;
+      case "disconnect":
+        this.#line?.close();
+        this.#line = undefined;
+        module.losePeer(now_ms);
         break;
       case "text": this.#line?.send(message.text); break;
       case "begin": module.begin(now_ms, { keys: new Uint8Array(message.keys), granted: message.granted }, message.device); break;
@@ -135,6 +152,7 @@ export class HandLoop {
       case "sample": module.tell(now_ms, message.at_epoch_ms - this.#world.began_epoch_ms, message.position_m); break;
       case "lock": module.lockAxes(message.axes); break;
       case "motion": module.setMotion(message.motion); break;
+      case "limit": this.#limit_n = message.felt_n; break;
       case "hold": module.hold(); break;
       case "release": module.release(); break;
       case "clutch": module.clutch(); break;
@@ -143,7 +161,11 @@ export class HandLoop {
   }
 
   /** What the module refuses is said; where it breaks, the hand ends, and the server learns it by the line. */
-  #guarded(work: () => void, refused = (says: string): void => this.#world.post({ type: "refused", says })): void {
+  #guarded(
+    of: ToHand["type"] | "wake",
+    work: () => void,
+    refused = (says: string): void => this.#world.post({ type: "refused", of, says }),
+  ): void {
     try {
       work();
     } catch (error) {

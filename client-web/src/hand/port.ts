@@ -11,7 +11,9 @@ export interface Granted {
 }
 
 export type ToHand =
-  | { readonly type: "connect"; readonly url: string }
+  | { readonly type: "connect"; readonly url: string; readonly subprotocols: readonly string[] }
+  /** Closes the socket; to the hand the server has gone. */
+  | { readonly type: "disconnect" }
   /** A text for the server. */
   | { readonly type: "text"; readonly text: string }
   | ({ readonly type: "begin"; readonly device: HandDevice } & Granted)
@@ -22,6 +24,8 @@ export type ToHand =
   | { readonly type: "sample"; readonly at_epoch_ms: number; readonly position_m: Triple }
   | { readonly type: "lock"; readonly axes: readonly [boolean, boolean, boolean] }
   | { readonly type: "motion"; readonly motion: number }
+  /** Lets go once so much is felt; nothing: however much it is. */
+  | { readonly type: "limit"; readonly felt_n: number | undefined }
   | { readonly type: "hold" | "release" | "clutch" | "leave" };
 
 export type FromHand =
@@ -31,8 +35,10 @@ export type FromHand =
   | { readonly type: "text"; readonly text: string }
   | { readonly type: "binary"; readonly bytes: ArrayBuffer }
   | { readonly type: "closed"; readonly code: number; readonly reason: string }
-  /** What was asked for was not done; a sentence without its full stop. */
-  | { readonly type: "refused"; readonly says: string }
+  /** What was asked for, or what came, was not taken; a sentence without its full stop. */
+  | { readonly type: "refused"; readonly of: ToHand["type"] | "wake"; readonly says: string }
+  /** So much was felt, and the hand was let go of. */
+  | { readonly type: "limited"; readonly felt_n: number }
   /** The hand has ended, likewise. */
   | { readonly type: "trouble"; readonly says: string };
 

@@ -23,7 +23,7 @@ function start(module: HandModule): HandLoop {
     now: () => performance.now(),
     began_epoch_ms: performance.timeOrigin,
     how: crossOriginIsolated ? "precise" : "timers",
-    connect: (url) => connect(url, loop),
+    connect: (url, subprotocols) => connect(url, subprotocols, loop),
     post,
   });
   if (crossOriginIsolated) wakePrecisely(loop);
@@ -49,8 +49,8 @@ function wakeByTimers(loop: HandLoop): void {
   if (wait_ms !== undefined) setTimeout(wakeByTimers, wait_ms, loop);
 }
 
-function connect(url: string, loop: HandLoop): Line {
-  const socket = new WebSocket(url, "teleclay.v1");
+function connect(url: string, subprotocols: readonly string[], loop: HandLoop): Line {
+  const socket = new WebSocket(url, [...subprotocols]);
   socket.binaryType = "arraybuffer";
   socket.onopen = (): void => loop.onOpen();
   socket.onmessage = ({ data }: MessageEvent<string | ArrayBuffer>): void => {
@@ -64,6 +64,7 @@ function connect(url: string, loop: HandLoop): Line {
     },
     waiting: () => socket.bufferedAmount,
     close: () => {
+      socket.onopen = null;
       socket.onmessage = null;
       socket.onclose = null;
       socket.close();

@@ -2,7 +2,7 @@
 
 import * as v from "valibot";
 import type { Check, Schemas } from "./api";
-import { DecodeError } from "./header";
+import { decodeJson as decode } from "./json";
 import { type LatencyTable, latencyTableSchema } from "./latency";
 import * as theory from "./theory";
 import { clayResetSchema, patchSchema, problemSchema, sessionEntrySchema, sessionSchema } from "./session";
@@ -56,17 +56,4 @@ export function decodeProblem(text: string): Problem | undefined {
   } catch {
     return undefined;
   }
-}
-
-function decode<S extends v.GenericSchema>(schema: S, text: string): v.InferOutput<S> {
-  let json: unknown;
-  try {
-    json = JSON.parse(text);
-  } catch {
-    throw new DecodeError(`not JSON: ${text.slice(0, 80)}`);
-  }
-  const result = v.safeParse(schema, json);
-  if (result.success) return result.output;
-  const issue = result.issues[0];
-  throw new DecodeError(`${v.getDotPath(issue) ?? "message"}: ${issue.message}`);
 }

@@ -5,6 +5,7 @@ import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
 import type { PastMesh } from "../clay/past_mesh";
 import type { Meshes } from "../clay/port";
 import type { ToolShape, Vector } from "../protocol/session";
+import { Aim } from "./aim";
 import { Arrow } from "./arrow";
 import { type BlockDescription, ClayMesh } from "./clay_mesh";
 import { Finish } from "./finish";
@@ -12,6 +13,7 @@ import type { StageColours } from "./ground";
 import { OtherTools } from "./other_tools";
 import { COARSEST, DISPLAY, Pace, PROCESSOR } from "./pace";
 import { PastClay } from "./past_clay";
+import { Plumb } from "./plumb";
 import { contextOf, processorDraws, type Quality } from "./quality";
 import { lookFrom, type Sight, sightOf } from "./sight";
 import { Stage } from "./stage";
@@ -31,6 +33,8 @@ export interface Pose {
   readonly handle_m: Vector;
   readonly toolForce_n: Vector;
   readonly feltForce_n: Vector;
+  /** Whoever moves the tool from this page sees how high it is. */
+  readonly isHeldHere: boolean;
 }
 
 /** Where to look from: a direction, from the block's centre. */
@@ -67,6 +71,9 @@ export class ClayView {
   readonly #toolForce = new Arrow();
   readonly #feltForce = new Arrow();
   readonly #trail = new Trail();
+  readonly #plumb = new Plumb();
+  /** For a hand on the picture. */
+  readonly aim: Aim;
   readonly #pace: Pace;
   /** Where the processor draws: what tells that the last frame is finished. */
   readonly #finish: Finish | undefined;
@@ -120,7 +127,11 @@ export class ClayView {
     this.#orbit.addEventListener("change", this.#onMove);
     this.#orbit.addEventListener("start", this.#onGrab);
     this.#present.add(this.#clay.mesh, this.#tool.group, this.#others.group, this.#trail.line);
-    this.#present.add(this.#toolForce.group, this.#feltForce.group);
+    this.#present.add(this.#toolForce.group, this.#feltForce.group, this.#plumb.group);
+    this.aim = new Aim(this.#camera, this.#orbit, () => {
+      this.#onGrab();
+      this.#onMove();
+    });
     this.#scene.add(this.#stage.group, this.#present, this.#past.mesh);
     this.look("corner");
     this.#sight = sight;
@@ -184,20 +195,20 @@ export class ClayView {
 
   /** Tool, ghost and arrows; nothing when nobody holds the tool. A pose that is the last one costs nothing. */
   setPose(pose: Pose | undefined, mm_per_n: number): void {
-    const now = pose === undefined ? [] : [...pose.tool_m, ...pose.handle_m, ...pose.toolForce_n, ...pose.feltForce_n, mm_per_n];
+    const now = pose === undefined ? [] : [...pose.tool_m, ...pose.handle_m, ...pose.toolForce_n, ...pose.feltForce_n, mm_per_n, Number(pose.isHeldHere)];
     if (isSame(now, this.#posed)) return;
     this.#posed = now;
     this.#touchPresent();
     if (pose === undefined) {
-      this.#tool.hide();
-      this.#toolForce.hide();
-      this.#feltForce.hide();
+      for (const part of [this.#tool, this.#toolForce, this.#feltForce, this.#plumb]) part.hide();
       return;
     }
     const { tool, handle, force } = this.#at;
     tool.set(...pose.tool_m).multiplyScalar(MM_PER_M);
     handle.set(...pose.handle_m).multiplyScalar(MM_PER_M);
     this.#tool.place(tool, handle);
+    if (pose.isHeldHere) this.#plumb.drop(tool);
+    else this.#plumb.hide();
     force.set(...pose.toolForce_n);
     tool.z += this.#cutting_mm;
     handle.z += this.#grip_mm;
@@ -236,6 +247,7 @@ export class ClayView {
     this.#toolForce.setColour(colours.tool);
     this.#feltForce.setColour(colours.felt);
     this.#trail.setColour(colours.tool);
+    this.#plumb.setColour(colours.hand);
     this.#trailed = [];
     this.#changed = true;
   }
@@ -258,6 +270,7 @@ export class ClayView {
     this.#width = Math.max(width, 1);
     this.#height = Math.max(height, 1);
     this.#devicePixels = devicePixels;
+    this.aim.resize(this.#width, this.#height);
     this.#camera.aspect = this.#width / this.#height;
     this.#camera.updateProjectionMatrix();
     this.#rest_until_ms = Number.NEGATIVE_INFINITY;
@@ -287,7 +300,7 @@ export class ClayView {
   dispose(): void {
     this.#finish?.dispose();
     this.#orbit.dispose();
-    for (const owner of [this.#stage, this.#clay, this.#past, this.#tool, this.#others, this.#toolForce, this.#feltForce, this.#trail]) owner.dispose();
+    for (const owner of [this.#stage, this.#clay, this.#past, this.#tool, this.#others, this.#toolForce, this.#feltForce, this.#trail, this.#plumb]) owner.dispose();
     this.#renderer.dispose();
   }
 

@@ -53,6 +53,38 @@ export class Api {
     return this.#ask("POST", `${this.path(session)}/redo`, which);
   }
 
+  /** Asks the holder of a tool for it. */
+  request(session: string, tool: number, operator: string): Promise<Outcome> {
+    return this.#ask("POST", this.#toolPath(session, tool, "request"), { operator });
+  }
+
+  withdraw(session: string, tool: number, operator: string): Promise<Outcome> {
+    return this.#ask("POST", this.#toolPath(session, tool, "withdraw"), { operator });
+  }
+
+  /** Hands a tool over to one who has asked for it. */
+  grant(session: string, tool: number, operator: string): Promise<Outcome> {
+    return this.#ask("POST", this.#toolPath(session, tool, "grant"), { operator });
+  }
+
+  deny(session: string, tool: number, operator: string): Promise<Outcome> {
+    return this.#ask("POST", this.#toolPath(session, tool, "deny"), { operator });
+  }
+
+  /** Takes a tool away from whoever holds it. */
+  takeAway(session: string, tool: number): Promise<Outcome> {
+    return this.#ask("POST", this.#toolPath(session, tool, "release"));
+  }
+
+  /** Takes every tool away until the stop is cleared. */
+  stop(session: string, reason: string | undefined): Promise<Outcome> {
+    return this.#ask("POST", `${this.path(session)}/stop`, reason === undefined ? {} : { reason });
+  }
+
+  clearStop(session: string): Promise<Outcome> {
+    return this.#ask("POST", `${this.path(session)}/stop/clear`);
+  }
+
   /** A fresh block in the shape of a file, made to fit. */
   shape(session: string, upload: Upload): Promise<Outcome> {
     return this.#outcome(() => this.#platform.put(`${this.path(session)}/clay?fit=true`, upload, UPLOAD_MS));
@@ -69,6 +101,10 @@ export class Api {
 
   path(session: string): string {
     return `${API}/sessions/${encodeURIComponent(session)}`;
+  }
+
+  #toolPath(session: string, tool: number, what: string): string {
+    return `${this.path(session)}/tools/${tool}/${what}`;
   }
 
   #ask(method: "POST" | "PATCH" | "DELETE", path: string, body?: unknown): Promise<Outcome> {

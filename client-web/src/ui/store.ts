@@ -2,6 +2,7 @@
 
 import { gridOf } from "../clay/past_mesh";
 import { Live } from "../state/live";
+import { Operating } from "../state/operating";
 import { Past } from "../state/past";
 import { Sessions } from "../state/sessions";
 import { Tables } from "../state/tables";
@@ -9,6 +10,7 @@ import { Theory } from "../state/theory";
 import { TimeLine } from "../state/time_line";
 import { browser } from "./browser";
 import { ClayFeed } from "./clay_feed";
+import { makeHand } from "./hand_feed";
 import { blockOf } from "./live/moment";
 import { readPast } from "./past_feed";
 import { pictureQuality } from "./picture_quality";
@@ -28,6 +30,7 @@ export const past = new Past(
     return readPast(bytes, gridOf(blockOf(clay.shape).size_m, clay.voxel_size_m));
   },
 );
+export const operating = new Operating(browser, makeHand, (says) => live.report("warning", says));
 export const theory = new Theory(browser);
 /** The published table; a page that was built without it shows what a server or a file gives. */
 const published = import.meta.glob<string>("../../../docs/latency/table.json", { query: "?url", import: "default", eager: true });
@@ -69,6 +72,11 @@ function show(session: string): void {
 }
 
 function sessionInAddress(): string | undefined {
+  return wordInAddress("session");
+}
+
+/** What the address says beside the page: `1` for `operate` in `#/live?session=demo&operate=1`. */
+export function wordInAddress(word: string): string | undefined {
   const query = location.hash.split("?").at(1);
-  return query === undefined ? undefined : (new URLSearchParams(query).get("session") ?? undefined);
+  return query === undefined ? undefined : (new URLSearchParams(query).get(word) ?? undefined);
 }

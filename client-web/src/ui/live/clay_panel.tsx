@@ -3,16 +3,18 @@
 import { effect, useSignal, useSignalEffect, useComputed, type Signal } from "@preact/signals";
 import type { JSX } from "preact";
 import { useEffect, useRef } from "preact/hooks";
+import type { HandState } from "../../protocol/hand_module";
 import { Channel } from "../../protocol/telemetry";
 import { ClayView, type Look, type ViewColours } from "../../scene/view";
 import { onFrame } from "../frame";
 import { wantedQuality } from "../picture_quality";
 import { DRAWN, SceneCanvas, type Standing } from "../scene_canvas";
-import { clayFeed, live, past } from "../store";
+import { clayFeed, live, operating, past } from "../store";
 import { isDark } from "../theme";
 import { arrowScale } from "./arrow_scale";
 import { Forces } from "./forces";
-import { blockOf, othersOf, poseOf } from "./moment";
+import { blockOf, length, othersOf, poseOf, poseOfHand } from "./moment";
+import { HandScene } from "./operate/hand_scene";
 import { PastCard } from "./past_card";
 import { SituationCard } from "./situation";
 
@@ -59,6 +61,7 @@ export function ClayPanel(): JSX.Element {
         view={view}
         standing={standing}
       />
+      <HandScene view={view} />
       <Forces />
       {past.moment.value.name === "now" ? <SituationCard /> : <PastCard />}
       <div class="looks" role="group" aria-label="Look from">
@@ -115,6 +118,9 @@ function followLoop(
 ): () => void {
   /** The moment on show; nothing while there is no tool to show. */
   let shown_s: number | undefined = Number.NaN;
+  let shownHand: HandState | undefined;
+  /** Greatest force of late in this page's own loop, N: it is ahead of telemetry. */
+  let felt_n = 0;
   let second = 0;
   let frames = 0;
   return onFrame((now_ms) => {
@@ -124,10 +130,14 @@ function followLoop(
     const time_s = live.momentAt(now_ms);
     const shows = session !== undefined && tool !== undefined && (tool.connected || tool.operator !== "");
     const wanted_s = shows ? time_s : undefined;
-    if (wanted_s !== shown_s) {
+    const hand = tool !== undefined && tool.id === operating.tool.peek() ? operating.hand.peek()?.state : undefined;
+    if (wanted_s !== shown_s || hand !== shownHand) {
       shown_s = wanted_s;
-      mm_per_n.value = arrowScale(history.greatest(Channel.tool_force_n, 10), history.greatest(Channel.felt_force_n, 10));
-      view.setPose(shows ? poseOf(session, tool, history, time_s) : undefined, mm_per_n.value);
+      shownHand = hand;
+      felt_n = Math.max(0.99 * felt_n, hand === undefined ? 0 : length(hand.felt_force_n));
+      mm_per_n.value = arrowScale(history.greatest(Channel.tool_force_n, 10), history.greatest(Channel.felt_force_n, 10), felt_n);
+      const pose = shows ? poseOf(session, tool, history, time_s) : undefined;
+      view.setPose(shows && pose !== undefined && hand !== undefined ? poseOfHand(session, tool, hand, pose.toolForce_n) : pose, mm_per_n.value);
       view.setOthers(shows ? othersOf(session, tool, (id) => live.historyOf(id), time_s) : []);
       view.setTrail(shows ? history.path(Channel.tool_position_m, time_s, TRAIL_S, TRAIL_STEP_S) : []);
     }

@@ -2,10 +2,11 @@
 
 import { useComputed, useSignal } from "@preact/signals";
 import type { JSX } from "preact";
+import type { Vector } from "../../protocol/session";
 import { Channel } from "../../protocol/telemetry";
 import { fixed } from "../format";
 import { useFrame } from "../frame";
-import { live } from "../store";
+import { live, operating } from "../store";
 import { length } from "./moment";
 
 /** Numbers that change faster cannot be read, ms. */
@@ -27,7 +28,7 @@ export function Forces(): JSX.Element {
   useFrame((now_ms) => {
     if (now_ms - last_ms.peek() < READABLE_MS) return;
     last_ms.value = now_ms;
-    reading.value = live.history.isEmpty ? undefined : read();
+    reading.value = read();
   });
   /** Only a copy of the clay can hide a force. */
   const hidden_n = useComputed(() => {
@@ -58,9 +59,15 @@ export function Forces(): JSX.Element {
   );
 }
 
-function read(): Reading {
+/** Of a tool that this page holds, hand and felt force are those of its own loop. */
+function read(): Reading | undefined {
   const { history } = live;
-  const [hand, felt, tool] = [Channel.hand_force_n, Channel.felt_force_n, Channel.tool_force_n].map((c) => history.latestVector(c));
+  const own = live.tool.peek()?.id === operating.tool.peek() ? operating.hand.peek()?.state : undefined;
+  if (history.isEmpty && own === undefined) return undefined;
+  const told = (channel: number): Vector => (history.isEmpty ? [0, 0, 0] : history.latestVector(channel));
+  const tool = told(Channel.tool_force_n);
+  const hand = own?.hand_force_n ?? told(Channel.hand_force_n);
+  const felt = own?.felt_force_n ?? told(Channel.felt_force_n);
   return {
     hand_n: length(hand),
     felt_n: length(felt),

@@ -3,6 +3,7 @@
 import type { JSX } from "preact";
 import { ClayPanel } from "./clay_panel";
 import { Controls } from "./controls";
+import { OperatePanel } from "./operate/operate_panel";
 import { PlotsPanel } from "./plots_panel";
 import { QualityPanel } from "./quality_panel";
 import { TimeLine } from "./time_line";
@@ -14,7 +15,10 @@ export function LivePage(): JSX.Element {
       <TimeLine />
       <PlotsPanel />
       <QualityPanel />
-      <Controls />
+      <div class="side">
+        <OperatePanel />
+        <Controls />
+      </div>
     </div>
   );
 }

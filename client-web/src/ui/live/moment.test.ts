@@ -1,15 +1,25 @@
 import { describe, expect, it } from "vitest";
 import { CHANNELS, Channel } from "../../protocol/telemetry";
+import { fakeHandState } from "../../state/fake_hand";
 import { fakeSession } from "../../state/fake_session";
 import { History } from "../../state/history";
 import { arrowScale } from "./arrow_scale";
-import { blockOf, inClay, othersOf } from "./moment";
+import { blockOf, inClay, othersOf, poseOfHand } from "./moment";
 
 describe("a moment", () => {
   it("puts the handle where it would have the tool", () => {
     const session = fakeSession({ position_ratio: 0.5 });
     const tool = { ...session.tools[0], home_m: [0, 0.032, 0.01] as [number, number, number] };
     expect(inClay(session, tool, [0.02, -0.01, 0])).toEqual([0.01, 0.027, 0.01]);
+  });
+
+  it("draws a spring from the tool to a hand that holds it, and to no other", () => {
+    const session = fakeSession({ position_ratio: 2 });
+    const state = fakeHandState({ hand_m: [0.03, 0, 0], handle_m: [0.01, 0, 0], tool_m: [0.02, 0, 0], felt_force_n: [-1, 0, 0] });
+    const drawn = (grasp: typeof state.grasp): unknown => poseOfHand(session, session.tools[0], { ...state, grasp }, [-2, 0, 0]);
+    const pose = { tool_m: [0.02, 0, 0], handle_m: [0.06, 0, 0], toolForce_n: [-2, 0, 0], feltForce_n: [-1, 0, 0], isHeldHere: true };
+    expect(drawn("held")).toEqual(pose);
+    for (const grasp of ["released", "clutched", "waiting", "stopped"] as const) expect(drawn(grasp)).toEqual({ ...pose, handle_m: [0.02, 0, 0] });
   });
 
   it("knows where the tools of others are, from telemetry where there is any, and leaves out whoever has gone", () => {

@@ -1,6 +1,7 @@
 // One moment of the loop, for the picture: from telemetry, which is finer than the session's state.
 
 import type { ClayShape, Session, ToolState, Vector } from "../../protocol/session";
+import type { HandState } from "../../protocol/hand_module";
 import { Channel } from "../../protocol/telemetry";
 import type { History } from "../../state/history";
 import type { BlockDescription } from "../../scene/clay_mesh";
@@ -13,6 +14,7 @@ export function poseOf(session: Session, tool: ToolState, history: History, time
       handle_m: inClay(session, tool, tool.handle_position_m),
       toolForce_n: tool.force_n,
       feltForce_n: tool.felt_force_n,
+      isHeldHere: false,
     };
   }
   return {
@@ -20,6 +22,19 @@ export function poseOf(session: Session, tool: ToolState, history: History, time
     handle_m: inClay(session, tool, history.vectorAt(Channel.handle_position_m, time_s)),
     toolForce_n: history.vectorAt(Channel.tool_force_n, time_s),
     feltForce_n: history.vectorAt(Channel.felt_force_n, time_s),
+    isHeldHere: false,
+  };
+}
+
+/** The same of a tool that this page holds: by its own loop, which is ahead of what the server tells. */
+export function poseOfHand(session: Session, tool: ToolState, state: HandState, toolForce_n: Vector): Pose {
+  return {
+    tool_m: state.tool_m,
+    // Of a hand that holds nothing no spring goes to the tool.
+    handle_m: inClay(session, tool, state.grasp === "held" ? state.hand_m : state.handle_m),
+    toolForce_n,
+    feltForce_n: state.felt_force_n,
+    isHeldHere: true,
   };
 }
 
