@@ -249,7 +249,7 @@ describe("operating in the browser", () => {
   it("stops everybody, says who and why, and moves again only after it is cleared and taken anew", async () => {
     await ada.page.getByTestId("stop").click();
     await standing("out");
-    await ada.saying("situation", "Ada pressed stop on the page");
+    await ada.saying("situation", "stopped on the page");
     await ada.saying("stopped", "takes hold anew");
     await ada.page.getByTestId("operate").click();
     await ada.saying("operate-says", "The server gives no tool: the session is stopped");

@@ -94,6 +94,10 @@ pub struct Arguments {
     /// The last microseconds of each wait that are spun: punctuality for processor time
     #[arg(long, value_name = "US", default_value_t = 0, value_parser = clap::value_parser!(u64).range(..=MAX_SPIN_US))]
     pub spin_us: u64,
+    /// Let a simulated operator take hold again by itself once a stop is cleared; without this it ends with the stop. A
+    /// device that a hand is on waits anyway, and moves nothing before the hand takes hold anew
+    #[arg(long)]
+    pub resume_after_stop: bool,
     /// Write every tick to this CSV file: time, state of the link, motion, forces
     #[arg(long, value_name = "FILE")]
     pub record: Option<PathBuf>,

@@ -116,6 +116,11 @@ impl DeviceKind {
         Self::Held(Hardware::Joystick),
     ];
 
+    /// Whether a hand is on it, which has to take hold before anything moves.
+    pub const fn is_held(self) -> bool {
+        matches!(self, Self::Held(_))
+    }
+
     /// What it may do to a hand, whatever it is told. A flag can only lower it.
     pub const fn profile(self) -> DeviceProfile {
         match self {

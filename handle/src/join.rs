@@ -66,6 +66,8 @@ pub(crate) struct JoinTarget {
     pub(crate) invite: Option<InviteId>,
     /// The way to the server.
     pub(crate) door: Door,
+    /// Whether to ask on while the session is stopped.
+    pub(crate) waits_out_stops: bool,
 }
 
 /// A lease that was held before, perhaps lost.
@@ -110,8 +112,8 @@ pub enum JoinError {
 }
 
 /// Asks until a server answers, after a pause. With an old lease, that one is given back first, and a server that is
-/// full is asked again for as long as the old lease may hold the slot; one that is about to end, or a session that is
-/// stopped, for as long as that lasts.
+/// full is asked again for as long as the old lease may hold the slot; one that is about to end, for as long as that
+/// lasts, and a session that is stopped likewise where the target says so.
 ///
 /// # Errors
 /// A server refuses, or answers nonsense.
@@ -155,11 +157,10 @@ pub(crate) async fn search(
                         code: RefusalCode::ShuttingDown | RefusalCode::Busy,
                         ..
                     } => true,
-                    // Nothing moves until somebody clears it; whoever is at a device then has to take hold anew.
                     JoinError::Refused {
                         code: RefusalCode::Stopped,
                         reason,
-                    } => {
+                    } if target.waits_out_stops => {
                         if !std::mem::replace(&mut has_said_stopped, true) {
                             let reason = reason.clone();
                             // Whoever listened has gone: then nobody needs to know.

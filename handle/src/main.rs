@@ -127,6 +127,7 @@ async fn hold(arguments: Arguments, intent: Intent) -> ExitCode {
         token: arguments.token,
         device: kind.word().to_owned(),
         profile,
+        waits_out_stops: arguments.resume_after_stop || kind.is_held(),
         open_device: Box::new(move |setup| opening.open(setup)),
         scheduling: arguments.scheduling,
         spin: Duration::from_micros(arguments.spin_us),

@@ -113,6 +113,8 @@ pub fn run(options: &Options, interrupted: &AtomicBool) -> Result<()> {
         "simulated",
         "--intent",
         intent,
+        // Whoever tries the stop sees the tool move again once it is cleared; nobody's hand is on it.
+        "--resume-after-stop",
     ];
     let mut handle = start("the handle", "handle", &arguments)?;
     await_with(

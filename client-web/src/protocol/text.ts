@@ -12,7 +12,10 @@ import { type Strokes, strokesSchema } from "./strokes";
 /** What the server speaks; asked for when the socket is opened. */
 export const SUBPROTOCOL = "teleclay.v1";
 
-export type ServerText = Exclude<Schemas["ServerText"], { type: "state" }> | { readonly type: "state"; readonly session: Session };
+/** What whoever watches is told; what is for hands besides, operate.ts reads. */
+export type ServerText =
+  | Extract<Schemas["ServerText"], { type: "hello" | "event" | "problem" | "pong" }>
+  | { readonly type: "state"; readonly session: Session };
 export type ClientText = Schemas["ClientText"];
 export type ServerEvent = Extract<ServerText, { type: "event" }>;
 

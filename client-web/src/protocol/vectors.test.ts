@@ -6,6 +6,7 @@ import { builtModule } from "./built_module";
 import { DecodeError, decodeHeader, Kind } from "./header";
 import { ModuleRefusal, type PageModule } from "./module";
 import { CHANNELS, Channel, decodeTelemetry, encodeTelemetry } from "./telemetry";
+import { decodeHandAnswer } from "./operate";
 import { decodeClientText, decodeServerText, encodeText } from "./text";
 
 interface Vectors<Case> {
@@ -67,6 +68,17 @@ describe("the vectors", () => {
     const client = load<{ name: string; value: unknown }>("client_texts").cases;
     for (const { name, value } of client) {
       expect(JSON.parse(encodeText(decodeClientText(JSON.stringify(value)))), name).toEqual(value);
+    }
+  });
+
+  it("of hands", () => {
+    const { from_the_server: answers } = JSON.parse(readFileSync(new URL("../../../proto/vectors/hand_texts.json", import.meta.url), "utf8")) as {
+      from_the_server: { name: string; value: { type: string } }[];
+    };
+    for (const { name, value } of answers) {
+      const answer = decodeHandAnswer(JSON.stringify(value));
+      expect(answer.type, name).toBe(value.type === "done" ? "other" : value.type);
+      if (answer.type === "granted") expect([...answer.grant.keys], name).toEqual(Array.from({ length: 64 }, (_, n) => n));
     }
   });
 

@@ -12,18 +12,16 @@ describe("what is asked about tools", () => {
     await api.grant("demo", 1, "Bob");
     await api.deny("demo", 1, "Bob");
     await api.takeAway("demo", 1);
-    await api.stop("demo", undefined);
-    await api.stop("demo", "a cable");
-    await api.clearStop("demo");
+    await api.stop("demo", "Ada", "a cable");
+    await api.clearStop("demo", "Ada");
     expect(platform.requests.map(({ method, path, body }) => [method, path, body])).toEqual([
       ["POST", "api/v1/sessions/a%20b/tools/2/request", { operator: "Ada" }],
       ["POST", "api/v1/sessions/demo/tools/1/withdraw", { operator: "Ada" }],
       ["POST", "api/v1/sessions/demo/tools/1/grant", { operator: "Bob" }],
       ["POST", "api/v1/sessions/demo/tools/1/deny", { operator: "Bob" }],
       ["POST", "api/v1/sessions/demo/tools/1/release", undefined],
-      ["POST", "api/v1/sessions/demo/stop", {}],
-      ["POST", "api/v1/sessions/demo/stop", { reason: "a cable" }],
-      ["POST", "api/v1/sessions/demo/stop/clear", undefined],
+      ["POST", "api/v1/sessions/demo/stop", { operator: "Ada", reason: "a cable" }],
+      ["POST", "api/v1/sessions/demo/stop/clear", { operator: "Ada" }],
     ]);
   });
 });

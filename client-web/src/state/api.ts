@@ -77,12 +77,12 @@ export class Api {
   }
 
   /** Takes every tool away until the stop is cleared. */
-  stop(session: string, reason: string | undefined): Promise<Outcome> {
-    return this.#ask("POST", `${this.path(session)}/stop`, reason === undefined ? {} : { reason });
+  stop(session: string, operator: string, reason: string): Promise<Outcome> {
+    return this.#ask("POST", `${this.path(session)}/stop`, { operator, reason });
   }
 
-  clearStop(session: string): Promise<Outcome> {
-    return this.#ask("POST", `${this.path(session)}/stop/clear`);
+  clearStop(session: string, operator: string): Promise<Outcome> {
+    return this.#ask("POST", `${this.path(session)}/stop/clear`, { operator });
   }
 
   /** A fresh block in the shape of a file, made to fit. */

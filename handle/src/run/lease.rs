@@ -42,6 +42,7 @@ impl Run {
             token: self.options.token.clone(),
             invite: self.options.invite,
             door: self.options.door.clone(),
+            waits_out_stops: self.options.waits_out_stops,
         };
         // What the server has taken back need not be given back, nor waited for.
         let held = self.line.as_ref();

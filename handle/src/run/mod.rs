@@ -77,6 +77,9 @@ pub struct Options {
     pub device: String,
     /// What it may do to the hand. What a server asks for is taken only below it.
     pub profile: DeviceProfile,
+    /// Whether it joins again once a stop is cleared: only where that moves nothing by itself, or where it is asked
+    /// for.
+    pub waits_out_stops: bool,
     /// Opens it, once the session is known; again when a later lease brings another setup.
     pub open_device: OpenDevice,
     /// What to ask the scheduler for.

@@ -151,6 +151,7 @@ impl Holder {
             token: Some(TOKEN.to_owned()),
             device: "recorder".to_owned(),
             profile: DeviceKind::Simulated.profile(),
+            waits_out_stops: false,
             open_device,
             scheduling: Scheduling::Normal,
             spin: Duration::ZERO,

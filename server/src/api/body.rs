@@ -22,6 +22,32 @@ use crate::directory::Live;
 /// Longest body, bytes. The largest that means something, a stepped block of 64 steps, has about four thousand.
 pub(crate) const MAX_BODY: usize = 64 * 1024;
 
+/// A JSON body whose every field is in its range, or no body at all.
+pub(crate) struct Optional<T>(pub(crate) Option<T>);
+
+impl<S, T> FromRequest<S> for Optional<T>
+where
+    S: Send + Sync,
+    T: DeserializeOwned + Serialize + Validate,
+{
+    type Rejection = Failure;
+
+    async fn from_request(request: Request, state: &S) -> Result<Self, Failure> {
+        let headers = request.headers();
+        let has_length = headers
+            .get(header::CONTENT_LENGTH)
+            .is_some_and(|length| length.as_bytes() != b"0");
+        let has_body = has_length
+            || headers.contains_key(header::TRANSFER_ENCODING)
+            || headers.contains_key(header::CONTENT_TYPE);
+        if !has_body {
+            return Ok(Self(None));
+        }
+        let Checked(body) = Checked::from_request(request, state).await?;
+        Ok(Self(Some(body)))
+    }
+}
+
 /// A body of that length takes a twentieth of this on the slowest link that could carry the loop.
 const BODY_TIMEOUT: Duration = Duration::from_secs(5);
 

@@ -11,7 +11,7 @@ use tokio::time::timeout;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
-use super::body::{Checked, Found, MAX_BODY, Tool};
+use super::body::{Checked, Found, MAX_BODY, Optional, Tool};
 use super::guard::check_role;
 use super::openapi::refusals;
 use super::problem::{
@@ -108,15 +108,15 @@ async fn stop(
 #[utoipa::path(
     post, path = "/sessions/{id}/stop/clear", tag = "operators",
     params(("id" = String, Path, description = "The session's name")),
-    request_body = StopClearing,
+    request_body(content = Option<StopClearing>, content_type = "application/json"),
     responses((status = 200, description = "The session, stopped no longer", body = Session), ClearRefusals),
 )]
 async fn clear_stop(
     Found { id, live }: Found,
     Extension(pass): Extension<Pass>,
-    Checked(clearing): Checked<StopClearing>,
+    Optional(clearing): Optional<StopClearing>,
 ) -> Result<Json<Session>, Failure> {
-    let by = name_of(clearing.operator, &pass);
+    let by = name_of(clearing.and_then(|clearing| clearing.operator), &pass);
     see_through(async move { live.clear_stop(by).await })
         .await?
         .map(Json)
@@ -157,40 +157,49 @@ async fn withdraw(
 
 /// Hand a tool over to whoever has asked for it
 ///
-/// Its holder lets go, and for ten seconds nobody else gets it. It takes an admin, or the token or invite by which the
-/// holder came in.
+/// Without a body, to the one who has asked first. Its holder lets go, and for ten seconds nobody else gets it. It
+/// takes an admin, or the token or invite by which the holder came in.
 #[utoipa::path(
     post, path = "/sessions/{id}/tools/{tool}/grant", tag = "operators",
     params(("id" = String, Path, description = "The session's name"), ("tool" = u32, Path, description = "The tool's number, from 1")),
-    request_body = ControlRequest,
+    request_body(content = Option<ControlRequest>, content_type = "application/json"),
     responses((status = 200, description = "The session with the tool kept for that operator", body = Session), ControlRefusals),
 )]
 async fn grant(
     Found { id, live }: Found,
     Extension(pass): Extension<Pass>,
     Tool(tool): Tool,
-    Checked(ControlRequest { operator }): Checked<ControlRequest>,
+    Optional(asked): Optional<ControlRequest>,
 ) -> Result<Json<Session>, Failure> {
     let lease = check_decides(&pass, &live, tool)?;
+    let operator = match asked {
+        Some(ControlRequest { operator }) => operator,
+        None => first_asker(&live, tool)?,
+    };
     control(id, live, tool, Control::Grant { operator }, lease).await
 }
 
 /// Keep a tool from whoever has asked for it
 ///
-/// It takes an admin, or the token or invite by which the holder came in.
+/// Without a body, from the one who has asked first. It takes an admin, or the token or invite by which the holder came
+/// in.
 #[utoipa::path(
     post, path = "/sessions/{id}/tools/{tool}/deny", tag = "operators",
     params(("id" = String, Path, description = "The session's name"), ("tool" = u32, Path, description = "The tool's number, from 1")),
-    request_body = Denial,
+    request_body(content = Option<Denial>, content_type = "application/json"),
     responses((status = 200, description = "The session without the request", body = Session), ControlRefusals),
 )]
 async fn deny(
     Found { id, live }: Found,
     Extension(pass): Extension<Pass>,
     Tool(tool): Tool,
-    Checked(Denial { operator, reason }): Checked<Denial>,
+    Optional(denial): Optional<Denial>,
 ) -> Result<Json<Session>, Failure> {
     let lease = check_decides(&pass, &live, tool)?;
+    let (operator, reason) = match denial {
+        Some(Denial { operator, reason }) => (operator, reason),
+        None => (first_asker(&live, tool)?, NO_REASON.to_owned()),
+    };
     control(id, live, tool, Control::Deny { operator, reason }, lease).await
 }
 
@@ -209,6 +218,22 @@ async fn release(
 ) -> Result<Json<Session>, Failure> {
     let lease = check_decides(&pass, &live, tool)?;
     control(id, live, tool, Control::Release, lease).await
+}
+
+/// Who has asked for a tool first.
+fn first_asker(live: &Live, tool: u32) -> Result<String, Failure> {
+    let tools = live.state().tools;
+    let Some(asked) = tools.iter().find(|state| state.id == tool) else {
+        return Err(NO_SUCH_TOOL.because(format!(
+            "there is no tool {tool}, only 1 to {}",
+            tools.len()
+        )));
+    };
+    asked
+        .requests
+        .first()
+        .cloned()
+        .ok_or_else(|| CONTROL.because(format!("nobody has asked for tool {tool}")))
 }
 
 async fn control(

@@ -344,7 +344,7 @@ fn a_stop_takes_every_tool_and_says_who_and_why_and_holds_until_it_is_cleared() 
     assert_eq!(state(&site, &session).stop, None);
     assert_eq!(holder(&site, &session), "", "nobody gets a tool back by it");
     assert_eq!(
-        site.post(&path("stop/clear"), &json!({})).word(),
+        site.send(&Ask::new("POST", &path("stop/clear"))).word(),
         "not-stopped"
     );
     // Whoever holds a tool stops under the name that the tool is held by.
@@ -477,6 +477,15 @@ fn a_tool_is_asked_for_denied_granted_and_kept_for_whoever_it_was_granted_to() {
     assert!(state(&site, &session).tools[0].requests.is_empty());
     let not_asked = site.post(&path("1/grant"), &json!({ "operator": "Bob" }));
     assert_eq!((not_asked.status, &*not_asked.word()), (409, "control"));
+    assert_eq!(
+        site.post(&path("1/request"), &json!({ "operator": "Bob" }))
+            .status,
+        200
+    );
+    // Whoever has asked first is meant where nobody is named.
+    assert_eq!(site.send(&Ask::new("POST", &path("1/deny"))).status, 200);
+    let nobody = site.send(&Ask::new("POST", &path("1/grant")));
+    assert_eq!((nobody.status, &*nobody.word()), (409, "control"));
     assert_eq!(
         site.post(&path("1/request"), &json!({ "operator": "Bob" }))
             .status,

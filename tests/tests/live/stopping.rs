@@ -47,7 +47,7 @@ const RAMP_S: f64 = 0.05;
 fn a_stop_lets_go_of_a_pressing_hand_and_nothing_moves_until_it_is_cleared() {
     let server = Server::on_free_ports().unwrap();
     let client = &server.client;
-    let options = HandleOptions::new(&server.endpoint());
+    let options = HandleOptions::new(&server.endpoint()).with(&["--resume-after-stop"]);
     let mut handle = Handle::start(&options).unwrap();
     client.session_when(DEMO, "a cut", PATIENCE, cuts).unwrap();
     let from = handle.process.stderr().len();
@@ -70,11 +70,27 @@ fn a_stop_lets_go_of_a_pressing_hand_and_nothing_moves_until_it_is_cleared() {
     let cleared = json!({ "operator": "Eve" });
     let (status, _) = client.post("/sessions/demo/stop/clear", &cleared).unwrap();
     assert_eq!(status, 200);
-    // The simulated operator takes hold again by itself.
+    // The simulated operator was told to take hold again by itself.
     client.session_when(DEMO, "a cut", PATIENCE, cuts).unwrap();
     assert!(handle.process.end().unwrap().success());
     let step_n = greatest_force_step_n(&handle.ticks().unwrap());
     assert!(step_n <= FORCE_STEP_N, "{step_n} N in a tick");
+}
+
+#[test]
+fn a_simulated_operator_that_was_not_told_to_come_back_ends_with_the_stop() {
+    let server = Server::on_free_ports().unwrap();
+    let client = &server.client;
+    let mut handle = Handle::start(&HandleOptions::new(&server.endpoint())).unwrap();
+    client.session_when(DEMO, "a cut", PATIENCE, cuts).unwrap();
+    let (status, _) = client.post("/sessions/demo/stop", &json!({})).unwrap();
+    assert_eq!(status, 200);
+    assert_eq!(handle.process.ends().unwrap().code(), Some(2));
+    let said = handle.process.stderr();
+    assert!(
+        said.contains("stopped by somebody: no reason given"),
+        "{said}"
+    );
 }
 
 /// From the first tick that knew of the end until the last that felt anything, s.

@@ -87,12 +87,12 @@ export async function deny(tool: number, operator: string): Promise<void> {
 export async function stop(): Promise<void> {
   operating.open();
   operating.onLetGo?.();
-  const isDone = await tell((session) => live.api.stop(session, `${name()} pressed stop on the page`));
+  const isDone = await tell((session) => live.api.stop(session, name(), "stopped on the page"));
   if (!isDone) answer.value = `The stop did not reach the session: ${answer.value ?? "no answer"}. The hand on this page has let go.`;
 }
 
 export async function clearStop(): Promise<void> {
-  await tell((session) => live.api.clearStop(session));
+  await tell((session) => live.api.clearStop(session, name()));
 }
 
 /** What goes on while nobody presses anything; called once. */
