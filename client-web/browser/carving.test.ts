@@ -1,5 +1,5 @@
-// A person takes the tool in the browser, at the real server: real input, a bad line, a page that stalls, two pages and a
-// hand of its own kind in one clay, a stop.
+// A person takes the tool in the browser, at the real server: real input, a bad line, a page that stalls, two pages and
+// a hand of its own kind in one clay, a stop.
 
 import { beforeAll, describe, expect, it } from "vitest";
 import { benchAt } from "./bench";
@@ -28,7 +28,9 @@ const clay = async (): Promise<{ removed_units: number; hash: string }> => (awai
 async function take(of: WatchedPage, name: string): Promise<void> {
   await of.page.getByTestId("operator").fill(name);
   await of.page.getByTestId("operate").click();
-  await standing(of, "in");
+  await standing(of, "in").catch(async (error: unknown) => {
+    throw new Error(`${await of.text("operating")}`, { cause: error });
+  });
 }
 
 describe("a person in the browser", () => {

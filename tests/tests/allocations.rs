@@ -136,6 +136,7 @@ fn options(ports: Ports) -> Options {
         token: None,
         device: "simulated".to_owned(),
         profile: DeviceKind::Simulated.profile(),
+        waits_out_stops: false,
         open_device: Box::new(|setup| open(DeviceKind::Simulated, &Intent::Cutting, setup)),
         scheduling: Scheduling::Normal,
         spin: Duration::ZERO,

@@ -1,6 +1,7 @@
 //! Somebody who asks again and again and reads no answer.
 
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use teleclay_tests::process::PATIENCE;
@@ -23,18 +24,19 @@ async fn an_asker_who_reads_nothing_silences_nobody() {
     let mut handle = Handle::start(&HandleOptions::new(&server.endpoint())).unwrap();
     client.session_when(DEMO, "a cut", PATIENCE, cuts).unwrap();
     let deaf = connected_to(&server.slow_endpoint()).await;
-    // Whoever waits in here reads nothing more.
-    let ear = Arc::new(Mutex::new(()));
+    // Whoever waits for this reads nothing more.
+    let is_over = Arc::new(AtomicBool::new(false));
     let (began, mut asked) = (Instant::now(), 0);
     {
-        let _closed = ear.lock().unwrap();
         let mut next = tokio::time::interval(EVERY);
         while began.elapsed() < LASTS {
             next.tick().await;
             for _ in 0..QUESTIONS_AT_ONCE {
-                let ear = Arc::clone(&ear);
+                let is_over = Arc::clone(&is_over);
                 let asking = deaf.get(keys().clay_snapshot()).callback(move |_| {
-                    drop(ear.lock());
+                    while !is_over.load(Ordering::Relaxed) {
+                        std::thread::park_timeout(EVERY);
+                    }
                 });
                 // Its own line may be full by then.
                 let within = Duration::from_millis(50);
@@ -42,6 +44,7 @@ async fn an_asker_who_reads_nothing_silences_nobody() {
             }
         }
     }
+    is_over.store(true, Ordering::Relaxed);
     assert!(200 < asked, "{asked} questions were asked");
     assert!(handle.process.end().unwrap().success());
     let rows = handle.ticks().unwrap();
