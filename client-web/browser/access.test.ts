@@ -64,6 +64,16 @@ describe("every page", () => {
     await page.page.getByTestId("/network/up/delay_s").getByRole("alert").waitFor();
     expect(await findings()).toEqual([]);
   });
+
+  it("live: axe finds nothing serious in the tour", async () => {
+    await show("live", PAGES.live);
+    await page.page.getByTestId("tour-button").click();
+    for (const theme of ["light", "dark"] as const) {
+      await page.wear(theme);
+      await page.page.getByTestId("tour").waitFor();
+      expect(await findings(), theme).toEqual([]);
+    }
+  });
 });
 
 async function show(name: string, told: string): Promise<void> {
