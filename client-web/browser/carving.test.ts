@@ -29,7 +29,7 @@ async function take(of: WatchedPage, name: string): Promise<void> {
   await of.page.getByTestId("operator").fill(name);
   await of.page.getByTestId("operate").click();
   await standing(of, "in").catch(async (error: unknown) => {
-    throw new Error(`${await of.text("operating")}`, { cause: error });
+    throw new Error(await of.text("operating"), { cause: error });
   });
 }
 

@@ -26,6 +26,24 @@ describe("the Latency page", () => {
     expect(await page.page.locator(".heatmap").count()).toBe(5);
   });
 
+  it("is one stop of the tab key per map, and walked by arrows", async () => {
+    const map = page.page.getByTestId("map-wave");
+    expect(await map.locator('td button[tabindex="0"]').count()).toBe(1);
+    await map.locator('td button[tabindex="0"]').focus();
+    await page.page.keyboard.press("Home");
+    const focused = (): Promise<string | null> => page.page.locator(":focus").getAttribute("data-cell");
+    const [scheme, first_s, loss] = ((await focused()) ?? "").split(" ");
+    await page.page.keyboard.press("ArrowRight");
+    const [, second_s] = ((await focused()) ?? "").split(" ");
+    expect(Number(first_s)).toBeLessThan(Number(second_s));
+    await page.page.keyboard.press("ArrowDown");
+    const [of, delay_s, more] = ((await focused()) ?? "").split(" ");
+    expect([of, delay_s]).toEqual([scheme, second_s]);
+    expect(Number(loss)).toBeLessThan(Number(more));
+    expect(await map.locator('td button[tabindex="0"]').getAttribute("data-cell")).toBe(await focused());
+    await page.page.locator("a.brand").focus();
+  });
+
   it("takes a table from a file, and says whose it is", async () => {
     await page.page.getByTestId("table-file").setInputFiles(file);
     await until("the table is shown", async () => (await page.page.locator(".latency").getAttribute("data-table")) === "shown");

@@ -40,8 +40,6 @@ describe("the Live page", () => {
       await until(`the ${plot} plot moves`, async () => 0.001 < (await live.share(before, await canvas.screenshot())));
     }
     await live.choose("plots", "link");
-    // While the mouse is on a plot, all of them hold still.
-    await live.page.mouse.move(2, 2);
     for (const plot of ["energy", "hidden", "round-trip"]) {
       const canvas = live.page.getByTestId(`plot-${plot}`).locator("canvas");
       const before = await canvas.screenshot();

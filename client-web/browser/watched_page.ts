@@ -87,9 +87,11 @@ export class WatchedPage {
     page.on("pageerror", (error) => this.complaints.push(`uncaught: ${error.message}`));
   }
 
-  static async open(browser: Browser, url: string): Promise<WatchedPage> {
+  /** `visit`: whoever tests another thing has seen the tour; `#/live?tour=1` shows it all the same. */
+  static async open(browser: Browser, url: string, visit: "first" | "later" = "later"): Promise<WatchedPage> {
     const context = await browser.newContext({ viewport: VIEWPORT, colorScheme: "light", reducedMotion: "reduce" });
     context.setDefaultTimeout(PATIENCE_MS);
+    if (visit === "later") await context.addInitScript(() => localStorage.setItem("teleclay.tour", "seen"));
     if (DASHBOARD !== undefined) {
       const folder = resolve(DASHBOARD);
       await context.route(({ pathname }) => !SERVERS_OWN.test(pathname), (route) => {

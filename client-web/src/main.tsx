@@ -13,6 +13,7 @@ import "./ui/style/operate.css";
 import "./ui/style/sessions.css";
 import "./ui/style/time_line.css";
 import "./ui/style/theory.css";
+import "./ui/style/tour.css";
 import { followTheme } from "./ui/theme";
 
 followTheme();

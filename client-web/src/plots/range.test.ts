@@ -20,6 +20,14 @@ describe("a live range", () => {
     expect(high - low).toBeLessThan((wide[1] - wide[0]) / 4);
   });
 
+  it("fits at once where the plot stands still", () => {
+    const range = new AutoRange(0.1);
+    range.update(-10, 10);
+    const [low, high] = range.settle(1, 2);
+    expect([low <= 1, 2 <= high, high - low < 3]).toEqual([true, true, true]);
+    expect(range.settle(Number.POSITIVE_INFINITY, Number.NEGATIVE_INFINITY)).toEqual([low, high]);
+  });
+
   it("does not blow noise up, and passes over what is not a number", () => {
     const range = new AutoRange(2);
     const [low, high] = range.update(5.0001, 5.0002);

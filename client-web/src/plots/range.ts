@@ -32,6 +32,13 @@ export class AutoRange {
     }
     return this.#range;
   }
+
+  /** The same for a plot that stands still: what is gone from it need not be remembered. */
+  settle(low: number, high: number): [number, number] {
+    if (Number.isFinite(low) && Number.isFinite(high)) this.#range = rounded(low, high, this.#least);
+    this.#small = 0;
+    return this.#range;
+  }
 }
 
 /** A little more than `low` … `high`, out to round numbers. */

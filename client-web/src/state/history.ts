@@ -1,60 +1,82 @@
-// The last seconds of one tool's telemetry, and the few points of them that a plot can show.
+// The last minutes of one tool's telemetry, and the few points of them that a plot can show.
 
 import { CHANNELS, type TelemetryBatch } from "../protocol/telemetry";
+import { columnsUntil, Memory, type Points, Samples } from "./samples";
 
-/** At 1 kHz a little more than 16 s: the plots show ten. */
-const CAPACITY = 1 << 14;
+/** As far back as plots go, s. */
+export const KEPT_S = 300;
 /** A step back in time of more than this is another run of the server, s. */
 const BACKWARDS_S = 0.5;
+/** Up to so many samples per column each is drawn as it is; beyond, a column's least and greatest. */
+const FEW = 4;
+/** Samples farther apart than this many of their periods have others between them that were lost. */
+const GAP = 3;
 
-/** A share of a channel: what is plotted is a sum of such. */
+/** What a plot draws of a channel: `offset + factor * value`. */
 export interface Term {
   readonly channel: number;
   readonly factor: number;
+  readonly offset: number;
 }
 
-/** Two points per column, in the order in which they happened; `null` where nothing was received. */
-export type Envelope = (number | null)[];
+/** The time that a plot shows. */
+export interface Stretch {
+  readonly from_s: number;
+  readonly to_s: number;
+}
+
+/** Points of a plot of so many columns, at the most: two where a gap begins. */
+export function pointsFor(columns: number): number {
+  return 2 * FEW * columns + 8;
+}
 
 export class History {
-  readonly #time_s = new Float64Array(CAPACITY);
-  /** Channel after channel: a plot reads one of them in a row. */
-  readonly #values = new Float32Array(CHANNELS * CAPACITY);
-  /** Samples ever appended since the last clearing. */
-  #count = 0;
+  readonly #samples: Samples;
+  #period_s = 0;
   dropped = 0;
 
+  constructor(memory = new Memory()) {
+    this.#samples = new Samples(memory, KEPT_S);
+  }
+
   get isEmpty(): boolean {
-    return this.#count === 0;
+    return this.#samples.end === 0;
   }
 
   /** Time of the newest sample, s; 0 before the first. */
   get newest_s(): number {
-    return this.isEmpty ? 0 : this.#time_s[(this.#count - 1) % CAPACITY];
+    return this.isEmpty ? 0 : this.#samples.timeOf(this.#samples.end - 1);
+  }
+
+  /** Time of the oldest sample that is kept, s; 0 before the first. */
+  get oldest_s(): number {
+    return this.#samples.oldest_s;
   }
 
   append(batch: TelemetryBatch): void {
     if (batch.first_time_s < this.newest_s - BACKWARDS_S) this.clear();
     this.dropped += batch.dropped;
+    this.#period_s = batch.period_us / 1e6;
     const samples = batch.values.length / CHANNELS;
     for (let n = 0; n < samples; n += 1) {
       const time_s = batch.first_time_s + (n * batch.period_us) / 1e6;
-      if (!this.isEmpty && time_s <= this.newest_s) continue;
-      const slot = this.#count % CAPACITY;
-      this.#time_s[slot] = time_s;
-      for (let c = 0; c < CHANNELS; c += 1) this.#values[c * CAPACITY + slot] = batch.values[n * CHANNELS + c];
-      this.#count += 1;
+      if (this.isEmpty || this.newest_s < time_s) this.#samples.push(time_s, batch.values, n * CHANNELS);
     }
   }
 
   clear(): void {
-    this.#count = 0;
+    this.#samples.clear();
     this.dropped = 0;
+  }
+
+  /** Gives its memory back: nothing is to be appended any more. */
+  dispose(): void {
+    this.#samples.dispose();
   }
 
   /** The newest value of a channel; 0 before the first. */
   latest(channel: number): number {
-    return this.isEmpty ? 0 : this.#values[channel * CAPACITY + ((this.#count - 1) % CAPACITY)];
+    return this.isEmpty ? 0 : this.#samples.valueOf(channel, this.#samples.end - 1);
   }
 
   /** The newest x, y, z of a vector that starts at `channel`. */
@@ -64,27 +86,27 @@ export class History {
 
   /** A vector as it was at `time_s`, on the straight line between the samples around. */
   vectorAt(channel: number, time_s: number): [number, number, number] {
-    const after = this.#firstAfter(time_s);
-    const kept = Math.max(this.#count - CAPACITY, 0);
-    if (after <= kept || this.#count <= after) return this.latestVector(channel);
-    const [a, b] = [(after - 1) % CAPACITY, after % CAPACITY];
-    const t = (time_s - this.#time_s[a]) / (this.#time_s[b] - this.#time_s[a]);
+    const samples = this.#samples;
+    const after = samples.firstAfter(time_s);
+    if (after <= samples.first || samples.end <= after) return this.latestVector(channel);
+    const from_s = samples.timeOf(after - 1);
+    const t = (time_s - from_s) / (samples.timeOf(after) - from_s);
     const along = (axis: number): number => {
-      const [from, to] = [a, b].map((slot) => this.#values[(channel + axis) * CAPACITY + slot]);
-      return from + t * (to - from);
+      const from = samples.valueOf(channel + axis, after - 1);
+      return from + t * (samples.valueOf(channel + axis, after) - from);
     };
     return [along(0), along(1), along(2)];
   }
 
   /** Greatest length of a vector over the last `span_s`. */
   greatest(channel: number, span_s: number): number {
+    const samples = this.#samples;
     let greatest = 0;
-    for (let i = this.#firstAfter(this.newest_s - span_s); i < this.#count; i += 1) {
-      const slot = i % CAPACITY;
-      const [x, y, z] = [0, 1, 2].map((axis) => this.#values[(channel + axis) * CAPACITY + slot]);
-      greatest = Math.max(greatest, Math.hypot(x, y, z));
+    for (let n = samples.firstAfter(this.newest_s - span_s); n < samples.end; n += 1) {
+      const [x, y, z] = [samples.valueOf(channel, n), samples.valueOf(channel + 1, n), samples.valueOf(channel + 2, n)];
+      greatest = Math.max(greatest, x * x + y * y + z * z);
     }
-    return greatest;
+    return Math.sqrt(greatest);
   }
 
   /**
@@ -92,90 +114,117 @@ export class History {
    * Taken at whole multiples of the step, so that the line does not crawl as time passes.
    */
   path(channel: number, until_s: number, span_s: number, step_s: number): number[] {
+    const samples = this.#samples;
     const points: number[] = [];
     let last = Number.NEGATIVE_INFINITY;
-    for (let i = this.#firstAfter(until_s - span_s); i < this.#count; i += 1) {
-      const slot = i % CAPACITY;
-      if (until_s < this.#time_s[slot]) break;
-      const step = Math.floor(this.#time_s[slot] / step_s);
+    for (let n = samples.firstAfter(until_s - span_s); n < samples.end; n += 1) {
+      const time_s = samples.timeOf(n);
+      if (until_s < time_s) break;
+      const step = Math.floor(time_s / step_s);
       if (step === last) continue;
       last = step;
-      for (let axis = 0; axis < 3; axis += 1) points.push(this.#values[(channel + axis) * CAPACITY + slot]);
+      for (let axis = 0; axis < 3; axis += 1) points.push(samples.valueOf(channel + axis, n));
     }
     if (0 < points.length) points.push(...this.vectorAt(channel, until_s));
     return points;
   }
 
   /**
-   * The least and the greatest value of a sum of channels in each of the columns, so that no peak is lost however
-   * narrow the plot. Columns begin at whole multiples of their width: they move with the data, and the drawn shape does
-   * not flicker.
+   * Writes what a plot of `columns` columns draws of a stretch of time: each sample where they are few, else the least
+   * and the greatest of every column, so that no peak is lost. Times are counted from `origin_s`.
    */
-  envelope(terms: readonly Term[], columns: Columns): Envelope {
-    const points: Envelope = new Array<number | null>(2 * columns.count).fill(null);
-    let column = -1;
-    let [least, greatest, leastFirst, any] = [0, 0, true, false];
-    const flush = (): void => {
-      if (!any) return;
-      points[2 * column] = leastFirst ? least : greatest;
-      points[2 * column + 1] = leastFirst ? greatest : least;
-    };
-    for (let i = this.#firstAfter((columns.first - 1) * columns.width_s); i < this.#count; i += 1) {
-      const slot = i % CAPACITY;
-      const at = Math.floor(this.#time_s[slot] / columns.width_s) - columns.first;
-      if (at < 0) continue;
-      if (columns.count <= at) break;
-      let value = 0;
-      for (const { channel, factor } of terms) value += factor * this.#values[channel * CAPACITY + slot];
-      if (at !== column) {
-        flush();
-        column = at;
-        [least, greatest, any] = [value, value, true];
-      } else if (value < least) {
-        least = value;
-        leastFirst = false;
-      } else if (greatest < value) {
-        greatest = value;
-        leastFirst = true;
+  plot(terms: readonly Term[], stretch: Stretch, columns: number, origin_s: number, into: Points): void {
+    const { from_s, to_s } = stretch;
+    const samples = this.#samples;
+    // One more on either side: lines go on to the edges of the picture.
+    const first = Math.max(samples.firstAfter(from_s) - 1, samples.first);
+    const end = Math.min(samples.firstAfter(to_s) + 1, samples.end);
+    if (end - first <= FEW * columns) this.#plotSamples(terms, first, end, origin_s, into);
+    else this.#plotEnvelopes(terms, stretch, columns, origin_s, into);
+    measure(into);
+  }
+
+  /** The time of the sample that is nearest to `time_s`; nothing where none is within a gap's length. */
+  sampleNear(time_s: number): number | undefined {
+    const n = this.#near(time_s);
+    return n === undefined ? undefined : this.#samples.timeOf(n);
+  }
+
+  /** What a plot has at the sample nearest to `time_s`; nothing where a gap is. */
+  valueNear(term: Term, time_s: number): number | undefined {
+    const n = this.#near(time_s);
+    return n === undefined ? undefined : term.offset + term.factor * this.#samples.valueOf(term.channel, n);
+  }
+
+  /**
+   * Every sample of a stretch of time, oldest first: `take` gets its time and the terms' values, in a row that is used
+   * again for the next.
+   */
+  each(terms: readonly Term[], { from_s, to_s }: Stretch, take: (time_s: number, row: Float64Array) => void): void {
+    const samples = this.#samples;
+    const row = new Float64Array(terms.length);
+    for (let n = samples.firstAfter(from_s); n < samples.end; n += 1) {
+      const time_s = samples.timeOf(n);
+      if (to_s < time_s) return;
+      for (const [t, { channel, factor, offset }] of terms.entries()) row[t] = offset + factor * samples.valueOf(channel, n);
+      take(time_s, row);
+    }
+  }
+
+  #near(time_s: number): number | undefined {
+    const samples = this.#samples;
+    const after = samples.firstAfter(time_s);
+    let nearest: number | undefined;
+    let apart_s = GAP * this.#period_s;
+    for (let n = Math.max(after - 1, samples.first); n < Math.min(after + 1, samples.end); n += 1) {
+      const distance_s = Math.abs(samples.timeOf(n) - time_s);
+      if (apart_s < distance_s) continue;
+      apart_s = distance_s;
+      nearest = n;
+    }
+    return nearest;
+  }
+
+  #plotSamples(terms: readonly Term[], first: number, end: number, origin_s: number, into: Points): void {
+    const samples = this.#samples;
+    const gap_s = GAP * this.#period_s;
+    let count = 0;
+    for (let n = first; n < end; n += 1) {
+      const time_s = samples.timeOf(n);
+      const before_s = n === first ? time_s : samples.timeOf(n - 1);
+      if (gap_s < time_s - before_s) {
+        into.time_s[count] = (before_s + time_s) / 2 - origin_s;
+        for (const curve of into.curves) curve[count] = Number.NaN;
+        count += 1;
       }
+      into.time_s[count] = time_s - origin_s;
+      for (let t = 0; t < terms.length; t += 1) {
+        into.curves[t][count] = terms[t].offset + terms[t].factor * samples.valueOf(terms[t].channel, n);
+      }
+      count += 1;
     }
-    flush();
-    return points;
+    into.count = count;
   }
 
-  /** The first kept sample at or after `time_s`, counted since the last clearing. */
-  #firstAfter(time_s: number): number {
-    let [low, high] = [Math.max(this.#count - CAPACITY, 0), this.#count];
-    while (low < high) {
-      const middle = (low + high) >> 1;
-      if (this.#time_s[middle % CAPACITY] < time_s) low = middle + 1;
-      else high = middle;
+  #plotEnvelopes(terms: readonly Term[], { from_s, to_s }: Stretch, wanted: number, origin_s: number, into: Points): void {
+    const columns = columnsUntil(to_s, to_s - from_s, wanted);
+    for (let n = 0; n < 2 * columns.count; n += 1) {
+      into.time_s[n] = (columns.first + n / 2 + 0.25) * columns.width_s - origin_s;
     }
-    return low;
+    for (let t = 0; t < terms.length; t += 1) {
+      this.#samples.envelope(terms[t].channel, terms[t].factor, terms[t].offset, columns, into.curves[t]);
+    }
+    into.count = 2 * columns.count;
   }
 }
 
-/**
- * Columns of equal width, counted from the start of time: a sample's column does not depend on where the plot begins.
- * The last one holds the newest sample.
- */
-export interface Columns {
-  readonly first: number;
-  readonly width_s: number;
-  readonly count: number;
-}
-
-export function columnsUntil(until_s: number, span_s: number, wanted: number): Columns {
-  const width_s = span_s / wanted;
-  // One column more than asked for: the first is only partly within the span.
-  return { first: Math.floor(until_s / width_s) - wanted, width_s, count: wanted + 1 };
-}
-
-/** The times of an envelope's points, s before `until_s`. */
-export function timesOf(columns: Columns, until_s: number): number[] {
-  const times: number[] = [];
-  for (let n = 0; n < 2 * columns.count; n += 1) {
-    times.push((columns.first + n / 2 + 0.25) * columns.width_s - until_s);
+function measure(points: Points): void {
+  points.least = Number.POSITIVE_INFINITY;
+  points.greatest = Number.NEGATIVE_INFINITY;
+  for (const curve of points.curves) {
+    for (let n = 0; n < points.count; n += 1) {
+      if (curve[n] < points.least) points.least = curve[n];
+      if (points.greatest < curve[n]) points.greatest = curve[n];
+    }
   }
-  return times;
 }

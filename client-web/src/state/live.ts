@@ -13,6 +13,7 @@ import { History } from "./history";
 import type { Platform } from "./platform";
 import { Playhead } from "./playhead";
 import { type Quality, QualityTrend } from "./quality";
+import { Memory } from "./samples";
 import { sharing } from "./sharing";
 import { type StorageNews, StorageWatch } from "./storage_watch";
 
@@ -40,6 +41,7 @@ export class Live {
   readonly #serverVersion = signal<string | undefined>(undefined);
   readonly #toolId = signal<number | undefined>(undefined);
   readonly #histories = new Map<number, History>();
+  readonly #memory = new Memory();
   readonly #playhead = new Playhead();
   readonly #platform: Platform;
   #trend = new QualityTrend();
@@ -101,7 +103,7 @@ export class Live {
   historyOf(tool: number): History {
     let history = this.#histories.get(tool);
     if (history === undefined) {
-      history = new History();
+      history = new History(this.#memory);
       this.#histories.set(tool, history);
     }
     return history;
@@ -157,6 +159,7 @@ export class Live {
     this.edits.forget();
     this.#trend = new QualityTrend();
     this.#storageWatch = new StorageWatch();
+    for (const history of this.#histories.values()) history.dispose();
     this.#histories.clear();
   }
 

@@ -8,12 +8,14 @@ import { addressOf, currentPage, PAGES } from "./pages";
 import { live, openSession } from "./store";
 import { nextTheme, themeChoice } from "./theme";
 import { showToken } from "./token";
+import { Tour, TourButton } from "./tour/tour";
 
 export function App(): JSX.Element {
   useSignalEffect(() => {
     document.title = titleOf(live.session.value?.id, live.isCurrent.value ? live.session.value?.state : "away");
   });
   const Current = currentPage.value.component;
+  const isLive = currentPage.value.path === "live";
   return (
     <div class="shell" data-current={live.isCurrent.value}>
       <header class="bar">
@@ -32,12 +34,14 @@ export function App(): JSX.Element {
         <SessionChoice />
         <StateBadge />
         <LinkBadge />
+        {isLive && <TourButton />}
         <ThemeButton />
       </header>
       <Banner />
       <main>
         <Current />
       </main>
+      {isLive && <Tour />}
     </div>
   );
 }

@@ -3,12 +3,13 @@
 
 import { useComputed } from "@preact/signals";
 import type { JSX } from "preact";
+import { useEffect } from "preact/hooks";
 import { Choice } from "../choice";
 import { download } from "../download";
 import { FigureView } from "../figure_view";
 import { fixed } from "../format";
 import { problemIn } from "../number/refusal";
-import { theory } from "../store";
+import { live, theory } from "../store";
 import { ExperimentControls, FIELDS } from "./experiment_controls";
 import { fig7, liveFig7 } from "./figure";
 import { LivePassages, liveRun, LiveStanding, useLiveRun } from "./live_run";
@@ -18,6 +19,14 @@ import { plateaus, plateausCsv, traceCsv } from "./table";
 export function ExperimentPage(): JSX.Element {
   const isLive = source.value === "live";
   useLiveRun();
+  // A measured run at once: whoever opens the page sees what it is about. Where nobody answered, coming back asks
+  // again.
+  const { name } = live.connection.phase.value;
+  const answers = name === "open" || name === "empty";
+  useEffect(() => {
+    const { phase } = theory.cutting.asked.peek();
+    if (answers && (phase === "idle" || phase === "away")) theory.cutting.ask(request.peek());
+  }, [answers]);
   const content = useComputed(() => {
     if (source.value === "live") return liveFig7(liveRun.path.value, liveRun.passages.value);
     const { answer, question } = theory.cutting.asked.value;
@@ -63,10 +72,9 @@ function RunStanding(): JSX.Element {
   const { phase, problem, answer, question } = theory.cutting.asked.value;
   return (
     <div class="standing" aria-live="polite">
-      {phase === "idle" && <p>The theory alone so far. <em>Run</em> cuts the stepped block in virtual time, through the same clay as the sessions.</p>}
-      {phase === "asking" && <p><i class="spinner" aria-hidden="true" /> The blade goes through the clay …</p>}
+      {(phase === "idle" || phase === "asking") && <p><i class="spinner" aria-hidden="true" /> The blade goes through the clay …</p>}
       {phase === "refused" && <p class="refusal" role="alert" data-testid="cutting-refusal">{problem === undefined ? "" : problemIn(FIELDS, problem)}</p>}
-      {phase === "away" && <p class="refusal" role="alert">The server did not answer.</p>}
+      {phase === "away" && <p class="refusal" role="alert">The server did not answer. <em>Run</em> asks it again.</p>}
       {phase === "answered" && answer !== undefined && (
         <p data-testid="cutting-done">
           {fixed(answer.duration_s, 2)} s of cutting, {fixed(answer.removed_volume_m3 * 1e6, 2)} cm³ removed in voxels

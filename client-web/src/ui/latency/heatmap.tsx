@@ -1,6 +1,7 @@
 // One scheme: loss down, delay across. The numbers stand in the cells, so that no one has to read colours.
 
-import type { JSX } from "preact";
+import { useSignal } from "@preact/signals";
+import type { JSX, TargetedKeyboardEvent } from "preact";
 import type { LatencyCell } from "../../protocol/latency";
 import { SCHEMES } from "../../protocol/session";
 import { SCHEME_WORDS, schemeName } from "../scheme_words";
@@ -20,10 +21,14 @@ interface HeatmapProps {
 
 export function Heatmap({ grid: { scheme, rows }, delays_s, losses, measure, chosen, onChoose, onPoint }: HeatmapProps): JSX.Element {
   const known = SCHEMES.find((name) => name === scheme);
+  // One stop of the tab key per map; arrows go on from there.
+  const stop = useSignal<LatencyCell | undefined>(undefined);
+  const cells = rows.flat().filter((cell) => cell !== undefined);
+  const entry = [stop.value, chosen].find((cell) => cell !== undefined && cells.includes(cell)) ?? cells.at(0);
   return (
     <section class="panel heatmap" aria-label={schemeName(scheme)} data-testid={`map-${scheme}`}>
       <header><h2>{schemeName(scheme)}</h2>{known !== undefined && <span class="faint" title={SCHEME_WORDS[known].says}>{SCHEME_WORDS[known].says}</span>}</header>
-      <table>
+      <table onKeyDown={moveFocus}>
         <thead>
           <tr>
             <th scope="col" class="corner">loss \ delay</th>
@@ -39,6 +44,7 @@ export function Heatmap({ grid: { scheme, rows }, delays_s, losses, measure, cho
                   {cell !== undefined && (
                     <button
                       type="button"
+                      tabIndex={cell === entry ? 0 : -1}
                       style={{ backgroundColor: colourOf(badness(measure, cell)) }}
                       data-stable={cell.stable}
                       data-cell={cellName(cell)}
@@ -47,7 +53,10 @@ export function Heatmap({ grid: { scheme, rows }, delays_s, losses, measure, cho
                       onClick={() => onChoose(cell)}
                       onPointerEnter={() => onPoint(cell)}
                       onPointerLeave={() => onPoint(undefined)}
-                      onFocus={() => onPoint(cell)}
+                      onFocus={() => {
+                        stop.value = cell;
+                        onPoint(cell);
+                      }}
                       onBlur={() => onPoint(undefined)}
                     >
                       {cell.stable ? shortText(measure.value(cell)) : `✕ ${shortText(measure.value(cell))}`}
@@ -63,6 +72,23 @@ export function Heatmap({ grid: { scheme, rows }, delays_s, losses, measure, cho
   );
 }
 
+/** Cells to the side, and up and down, by key. */
+const STEPS: Record<string, readonly [number, number] | undefined> = {
+  ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1], Home: [-Infinity, 0], End: [Infinity, 0],
+};
+
+function moveFocus(event: TargetedKeyboardEvent<HTMLTableElement>): void {
+  const step = STEPS[event.key];
+  if (step === undefined || !(event.target instanceof HTMLElement)) return;
+  const rows = [...event.currentTarget.querySelectorAll("tbody tr")].map((row) => [...row.querySelectorAll<HTMLElement>("td button")]);
+  const at = event.target;
+  const row = rows.findIndex((buttons) => buttons.includes(at));
+  if (row < 0) return;
+  event.preventDefault();
+  const to = rows[Math.min(Math.max(row + step[1], 0), rows.length - 1)];
+  to.at(Math.min(Math.max(rows[row].indexOf(at) + step[0], 0), to.length - 1))?.focus();
+}
+
 function labelOf(scheme: string, cell: LatencyCell, measure: Measure): string {
   const where = `${schemeName(scheme)}, ${1000 * cell.one_way_delay_s} ms, ${100 * cell.loss} % loss`;
   return `${where}: ${measure.name} ${shortText(measure.value(cell))} ${measure.unit}${cell.stable ? "" : "; not stable"}`;
@@ -74,5 +100,5 @@ function colourOf(share: number | undefined): string {
   const at = (1 - share) * 3;
   const n = Math.min(Math.floor(at), 2);
   const mixed = `color-mix(in oklab, var(--ramp-${n + 1}) ${Math.round(100 * (at - n))}%, var(--ramp-${n}))`;
-  return `color-mix(in oklab, ${mixed} 62%, var(--panel))`;
+  return `color-mix(in oklab, ${mixed} var(--ramp-share), var(--panel))`;
 }

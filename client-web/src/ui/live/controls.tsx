@@ -83,7 +83,7 @@ function ToolChoice(): JSX.Element | null {
 function Notices(): JSX.Element {
   const notices = live.notices.value;
   return (
-    <section class="group notices" aria-label="Events">
+    <section class="group notices" aria-label="Events" tabIndex={0}>
       <h2>Events</h2>
       {notices.length === 0 && <p class="faint">nothing yet</p>}
       <ol aria-live="polite">
