@@ -10,7 +10,7 @@ const [TEXT, BINARY, CLOSE] = [1, 2, 8];
 export interface SocketListener {
   onText(text: string): void;
   onBinary(bytes: Buffer): void;
-  /** Once. */
+  /** It has ended, which is told once. */
   onEnd(): void;
 }
 

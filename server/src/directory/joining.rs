@@ -11,30 +11,11 @@ use teleclay_proto::join::{
 use teleclay_proto::watch::Level;
 use teleclay_proto::{PROTOCOL, SessionId};
 
+use super::not_granted::NotGranted;
 use super::{Directory, Live};
 use crate::doors::{Heard, LeaseChannel, Pass, SocketLine, TO_HOLD_A_TOOL, Way};
 use crate::engine::FramesIn;
 use crate::session::slot_of;
-
-/// Why somebody gets no tool.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct NotGranted {
-    pub(crate) code: RefusalCode,
-    /// For people.
-    pub(crate) reason: String,
-    /// Who stands in the way.
-    pub(crate) holder: Option<String>,
-}
-
-impl NotGranted {
-    pub(super) const fn because(code: RefusalCode, reason: String) -> Self {
-        Self {
-            code,
-            reason,
-            holder: None,
-        }
-    }
-}
 
 /// A lease on a socket.
 pub(crate) struct SocketGrant {

@@ -13,7 +13,7 @@ use teleclay_session::{Command, Operator, Outcome, Prepared, Refusal, Rules, Set
 use tokio::sync::broadcast;
 
 use super::Inner;
-use super::joining::NotGranted;
+use super::not_granted::NotGranted;
 use super::orders::{ChangeError, ORDER_TIMEOUT};
 use crate::doors::{Channels, LeaseChannel};
 use crate::engine::{Mirror, TICK};

@@ -5,6 +5,7 @@ mod joining;
 mod kept;
 mod live;
 mod manners;
+mod not_granted;
 mod orders;
 mod room;
 
@@ -35,10 +36,11 @@ use crate::engine::{Answer, FramesIn, Order, Running, Task};
 use crate::session::{Departure, SessionShared};
 use crate::statistics::LoopStats;
 
-pub(crate) use joining::{NotGranted, SocketGrant};
+pub(crate) use joining::SocketGrant;
 pub use kept::{ImportError, PastFailure};
 pub use live::{ClayView, Live};
 pub(crate) use manners::Control;
+pub(crate) use not_granted::NotGranted;
 pub use orders::{ChangeError, NoMemory};
 
 use orders::Orders;

@@ -17,10 +17,10 @@ use tokio::sync::mpsc::Sender;
 use tokio::time::{Duration, sleep};
 
 use super::MAX_INCOMING;
+use super::answer::{problem, told_of_change};
 use super::end::{End, end_of};
 use super::hand::Hearing;
-use super::operate::{Asker, told_of_change};
-use super::watcher::problem;
+use super::operate::Asker;
 use crate::api::problem::{NO_LEASE, SYNTAX};
 use crate::api::see_through;
 

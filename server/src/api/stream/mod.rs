@@ -6,6 +6,7 @@
 //! | [`watcher`] | one open socket: what is sent when, what is answered |
 //! | [`ear`] | what is heard meanwhile: frames of a hand, and a stop |
 //! | [`hand`], [`operate`] | a tool that is held on a socket, and what else operators ask |
+//! | [`answer`] | what is said to whoever has asked |
 //! | [`end`] | how it ends |
 //! | [`bricks`] | which bricks a watcher still lacks |
 //! | [`telemetry`] | samples into batches |
@@ -14,6 +15,7 @@
 //! Nothing queues for a watcher. Telemetry waits in a ring of fixed length that forgets its oldest, bricks wait in the
 //! clay itself, state is read when it is sent, and one message at a time is on its way.
 
+mod answer;
 mod bricks;
 mod budget;
 mod ear;

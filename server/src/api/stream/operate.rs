@@ -9,12 +9,12 @@ use teleclay_proto::join::{ClayDescription, JoinRequest, RefusalCode};
 use teleclay_proto::watch::{ClientText, ServerText};
 use teleclay_proto::{PROTOCOL, SessionId};
 
+use super::answer::{Answer, Change, problem, told_of_change};
 use super::hand::Hand;
-use super::watcher::{Answer, Change, problem};
+
 use crate::api::guard::{check_role, look_at};
 use crate::api::manners::{check_decides, name_of};
 use crate::api::problem::{Failure, NO_LEASE, OTHER_BLOCK};
-use crate::api::sessions::change_failure;
 use crate::api::{Api, see_through};
 use crate::directory::{ChangeError, Control, Live, NotGranted};
 use crate::doors::Pass;
@@ -280,18 +280,6 @@ impl<'a> Asker<'a> {
     {
         let (id, change) = (self.id.clone(), see_through(change(self.live.clone())));
         begun(async move { told_of_change(change.await, &id).into() })
-    }
-}
-
-/// What is said of a change that was asked for.
-pub(super) fn told_of_change(
-    changed: Result<Result<(), ChangeError>, Failure>,
-    id: &SessionId,
-) -> ServerText {
-    match changed {
-        Ok(Ok(())) => ServerText::Done {},
-        Ok(Err(error)) => problem(change_failure(error, id)),
-        Err(failure) => problem(failure),
     }
 }
 

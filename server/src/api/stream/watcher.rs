@@ -1,6 +1,5 @@
 //! One open socket.
 
-use std::pin::Pin;
 use std::time::{Duration, Instant};
 
 use axum::body::Bytes;
@@ -8,7 +7,6 @@ use axum::extract::ws::{Message, WebSocket};
 use futures_util::stream::SplitSink;
 use futures_util::{SinkExt as _, StreamExt as _};
 use teleclay_front::Peer;
-use teleclay_proto::http::Session;
 use teleclay_proto::invite::Role;
 use teleclay_proto::watch::{ClientText, Level, ServerText, Switch};
 use teleclay_proto::{PROTOCOL, SessionId};
@@ -17,6 +15,7 @@ use tokio::sync::broadcast::error::RecvError;
 use tokio::sync::mpsc::{self, Receiver};
 use tokio::time::{MissedTickBehavior, interval, timeout};
 
+use super::answer::{Answer, Change, problem, told};
 use super::bricks::Follower;
 use super::budget::Budget;
 use super::ear::{Ear, Heard, Shared};
@@ -26,10 +25,8 @@ use super::heartbeat::{Due, Heartbeat};
 use super::operate::{Asker, Work};
 use super::telemetry::Batcher;
 use crate::api::guard::check_role;
-use crate::api::problem::Failure;
-use crate::api::sessions::change_failure;
 use crate::api::{Api, see_through};
-use crate::directory::{ChangeError, Live};
+use crate::directory::Live;
 use crate::doors::Pass;
 use crate::{Event, Sample};
 
@@ -56,28 +53,6 @@ const CLOSE_TIMEOUT: Duration = Duration::from_secs(1);
 
 /// Where messages go.
 type Mouth = SplitSink<WebSocket, Message>;
-
-/// Something on its way through the loop; its answer.
-pub(super) type Change = Pin<Box<dyn Future<Output = Answer> + Send>>;
-
-/// What came of it.
-pub(super) struct Answer {
-    pub(super) text: ServerText,
-    /// The lease that was granted.
-    pub(super) hand: Option<(Hand, Hearing)>,
-    /// Messages of bricks, which follow the text.
-    pub(super) bricks: Vec<Vec<u8>>,
-}
-
-impl From<ServerText> for Answer {
-    fn from(text: ServerText) -> Self {
-        Self {
-            text,
-            hand: None,
-            bricks: Vec::new(),
-        }
-    }
-}
 
 /// Serves one socket.
 pub(super) struct Watcher {
@@ -457,27 +432,5 @@ async fn answer_of(change: &mut Option<Change>) -> Answer {
     match change {
         Some(change) => change.await,
         None => std::future::pending().await,
-    }
-}
-
-/// What a watcher is told about its change. Fields are named as in its message, where the change stands at `prefix`.
-pub(super) fn told(
-    changed: Result<Result<Session, ChangeError>, Failure>,
-    prefix: &str,
-    id: &SessionId,
-) -> ServerText {
-    match changed {
-        Ok(Ok(session)) => ServerText::State {
-            session: Box::new(session),
-        },
-        Ok(Err(ChangeError::Field(error))) => problem(error.under(prefix).into()),
-        Ok(Err(error)) => problem(change_failure(error, id)),
-        Err(failure) => problem(failure),
-    }
-}
-
-pub(super) fn problem(failure: Failure) -> ServerText {
-    ServerText::Problem {
-        problem: failure.into_problem(),
     }
 }
