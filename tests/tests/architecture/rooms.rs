@@ -93,6 +93,7 @@ pub(crate) const USES: [(&str, &[&str]); 31] = [
             "link",
             "mesh",
             "offline",
+            "pointer",
             "proto",
             "session",
             "shell",

@@ -10,7 +10,6 @@
 mod agreement;
 mod backlog;
 mod changing;
-mod deaf;
 mod doors;
 mod encrypted;
 mod endings;
