@@ -68,6 +68,8 @@ describe("the plots", () => {
     // On a loaded machine samples are lost, and the cursor says so.
     const time_s = await until("the cursor is on a sample", async () => {
       share = 0.1 + ((share + 0.07) % 0.8);
+      await live.page.mouse.move(2, 2);
+      await until("there is no cursor", async () => (await readings().count()) === 0);
       await live.page.mouse.move(x + share * width, y);
       await until("the cursor is seen", async () => 0 < (await readings().count()));
       return clock();

@@ -1,6 +1,7 @@
 // All brick meshes in one set of buffers, so that the whole clay is one draw call and a cut uploads only what it
 // touched.
 
+import { type Facing, facingOf, isTurnedAway } from "./facing";
 import { Ranges } from "./ranges";
 import type { BrickMesh } from "../protocol/module";
 
@@ -15,6 +16,7 @@ interface Placed {
   readonly vertices: number;
   readonly firstTriangle: number;
   readonly triangles: number;
+  readonly facing: Facing;
 }
 
 export class MeshArena {
@@ -47,6 +49,7 @@ export class MeshArena {
     const placed = {
       firstVertex: this.#vertices.take(vertices), vertices,
       firstTriangle: this.#triangles.take(triangles), triangles,
+      facing: facingOf(mesh),
     };
     this.#makeRoom();
     this.positions.set(mesh.positions, 3 * placed.firstVertex);
@@ -56,6 +59,20 @@ export class MeshArena {
     this.#placed.set(brick, placed);
     this.#vertexStretches.push({ start: placed.firstVertex, count: vertices });
     this.#indexStretches.push({ start: first, count: 3 * triangles });
+  }
+
+  /**
+   * Writes the indices of the bricks of which an eye at a place can see anything, of all of them where there is no eye;
+   * returns how many indices these are. `into` has room for all.
+   */
+  writeSeen(eye: readonly [number, number, number] | undefined, into: Uint32Array): number {
+    let count = 0;
+    for (const { firstTriangle, triangles, facing } of this.#placed.values()) {
+      if (eye !== undefined && isTurnedAway(facing, eye)) continue;
+      into.set(this.indices.subarray(3 * firstTriangle, 3 * (firstTriangle + triangles)), count);
+      count += 3 * triangles;
+    }
+    return count;
   }
 
   clear(): void {

@@ -30,8 +30,12 @@ export class ClayMesh {
   /** Of the mesh, which may be coarser than the clay; 0 before the first. */
   #voxel_size_m = 0;
   #block: BlockDescription | undefined;
+  /** Where vertices are dear, bricks that nobody can see are left out: as they were seen from here last. */
+  readonly #sparesVertices: boolean;
+  #eye: THREE.Vector3 | "everywhere" | undefined;
 
   constructor(quality: Quality) {
+    this.#sparesVertices = quality === "plain";
     this.#look = clayMaterial(quality);
     this.mesh = new THREE.Mesh(new THREE.BufferGeometry(), this.#look.material);
     this.mesh.castShadow = true;
@@ -54,6 +58,22 @@ export class ClayMesh {
     }
     this.#occupancy.needsUpdate = true;
     this.#upload();
+  }
+
+  /** To be called before a frame: `eye`, mm, sees it; nothing: all of it is drawn, as shadows are cast by all of it. */
+  lookFrom(eye: THREE.Vector3 | undefined): void {
+    if (!this.#sparesVertices || this.#indices === undefined) return;
+    const isSame = eye === undefined ? this.#eye === "everywhere" : this.#eye instanceof THREE.Vector3 && this.#eye.equals(eye);
+    if (isSame) return;
+    this.#eye = eye?.clone() ?? "everywhere";
+    const { array } = this.#indices;
+    if (!(array instanceof Uint32Array)) return;
+    const scale = this.mesh.scale.x;
+    const count = this.#arena.writeSeen(eye === undefined ? undefined : [eye.x / scale, eye.y / scale, eye.z / scale], array);
+    this.#indices.clearUpdateRanges();
+    this.#indices.addUpdateRange(0, count);
+    this.#indices.needsUpdate = true;
+    this.mesh.geometry.setDrawRange(0, count);
   }
 
   setBlock(block: BlockDescription): void {
@@ -98,9 +118,10 @@ export class ClayMesh {
     else {
       mark(this.#positions, vertices, 3);
       mark(this.#facing, vertices, 4);
-      mark(this.#indices, indices, 1);
+      if (!this.#sparesVertices) mark(this.#indices, indices, 1);
     }
-    this.mesh.geometry.setDrawRange(0, this.#arena.drawCount);
+    this.#eye = undefined;
+    if (!this.#sparesVertices) this.mesh.geometry.setDrawRange(0, this.#arena.drawCount);
   }
 
   /** The arena has other buffers now: so must the graphics card. */
@@ -108,7 +129,7 @@ export class ClayMesh {
     this.mesh.geometry.dispose();
     this.#positions = new THREE.BufferAttribute(this.#arena.positions, 3);
     this.#facing = new THREE.InterleavedBuffer(this.#arena.facing, 4);
-    this.#indices = new THREE.BufferAttribute(this.#arena.indices, 1);
+    this.#indices = new THREE.BufferAttribute(this.#sparesVertices ? new Uint32Array(this.#arena.indices.length) : this.#arena.indices, 1);
     for (const buffer of [this.#positions, this.#facing, this.#indices]) buffer.setUsage(THREE.DynamicDrawUsage);
     const geometry = new THREE.BufferGeometry();
     geometry.setAttribute("position", this.#positions);

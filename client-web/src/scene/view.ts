@@ -15,6 +15,7 @@ import { COARSEST, DISPLAY, Pace, PROCESSOR } from "./pace";
 import { PastClay } from "./past_clay";
 import { Plumb } from "./plumb";
 import { contextOf, processorDraws, type Quality } from "./quality";
+import { rest } from "./rest";
 import { lookFrom, type Sight, sightOf } from "./sight";
 import { Stage } from "./stage";
 import { SHAFT_MM, ToolModel, type ToolSize } from "./tool_model";
@@ -52,9 +53,6 @@ const FIELD_OF_VIEW_DEG = 28;
 const TRAIL_LIFT_MM = 0.7;
 /** Shadows cost about as much as the picture: on a slow machine they follow a little behind. */
 const SHADOWS_EVERY_MS: Record<Quality, number> = { fine: 0, plain: 1500 };
-/** Where the processor draws, it does something else for this many times as long as a frame took. */
-const REST = 2;
-
 export class ClayView {
   readonly #renderer: THREE.WebGLRenderer;
   readonly #scene = new THREE.Scene();
@@ -89,7 +87,6 @@ export class ClayView {
   #sizeDue = true;
   #shadowsDue = true;
   #shadows_ms = Number.NEGATIVE_INFINITY;
-  #rest_until_ms = Number.NEGATIVE_INFINITY;
   #look: Look | undefined = "corner";
   /** From where somebody looked before this view was made; until the block is there. */
   #sight: Sight | undefined;
@@ -163,7 +160,7 @@ export class ClayView {
     if (past === undefined) this.#past.hide();
     else this.#past.show(past);
     this.#present.visible = past === undefined;
-    this.#rest_until_ms = Number.NEGATIVE_INFINITY; // somebody waits for it
+    rest.breakOff(); // somebody waits for it
     this.#touch();
   }
 
@@ -240,7 +237,7 @@ export class ClayView {
   }
 
   setColours(colours: ViewColours, dark: boolean): void {
-    this.#rest_until_ms = Number.NEGATIVE_INFINITY; // a page half in the other theme is worse than a frame too many
+    rest.breakOff(); // a page half in the other theme is worse than a frame too many
     this.#scene.background = new THREE.Color(colours.background);
     this.#stage.colour(colours, dark);
     this.#tool.setColour(colours.hand);
@@ -273,7 +270,7 @@ export class ClayView {
     this.aim.resize(this.#width, this.#height);
     this.#camera.aspect = this.#width / this.#height;
     this.#camera.updateProjectionMatrix();
-    this.#rest_until_ms = Number.NEGATIVE_INFINITY;
+    rest.breakOff();
     this.#fitCanvas();
     if (this.#look !== undefined) this.look(this.#look);
   }
@@ -282,23 +279,27 @@ export class ClayView {
   draw(now_ms: number): boolean {
     this.#orbit.update();
     const shadows = this.#shadowsDue && SHADOWS_EVERY_MS[this.#quality] <= now_ms - this.#shadows_ms;
-    if (!(this.#changed || shadows) || this.#finish?.isAhead === true || now_ms < this.#rest_until_ms) return false;
+    if (!(this.#changed || shadows) || !rest.isOver(now_ms)) return false;
     this.#changed = false;
     if (shadows) {
       this.#renderer.shadowMap.needsUpdate = true;
       this.#shadowsDue = false;
       this.#shadows_ms = now_ms;
     }
+    this.#clay.lookFrom(shadows ? undefined : this.#camera.position);
     if (this.#sizeDue) this.#takeSize();
     const began_ms = performance.now();
     this.#renderer.render(this.#scene, this.#camera);
-    if (this.#finish !== undefined) this.#finish.awaitFrame(began_ms);
-    else if (this.#pace.add(now_ms)) this.#fitCanvas();
+    if (this.#finish !== undefined) {
+      rest.begin();
+      this.#finish.awaitFrame(began_ms);
+    } else if (this.#pace.add(now_ms)) this.#fitCanvas();
     return true;
   }
 
   dispose(): void {
     this.#finish?.dispose();
+    if (this.#finish !== undefined) rest.end(performance.now());
     this.#orbit.dispose();
     for (const owner of [this.#stage, this.#clay, this.#past, this.#tool, this.#others, this.#toolForce, this.#feltForce, this.#trail, this.#plumb]) owner.dispose();
     this.#renderer.dispose();
@@ -309,7 +310,7 @@ export class ClayView {
   };
 
   readonly #onFinish = (duration_ms: number): void => {
-    this.#rest_until_ms = performance.now() + REST * duration_ms;
+    rest.end(performance.now(), duration_ms);
     if (this.#pace.take(duration_ms)) this.#fitCanvas();
   };
 

@@ -12,7 +12,7 @@ export const STEPS: readonly Step[] = [
   { target: ".clay", title: "The clay", text: "It lies on the server and is drawn as it is cut. Drag to turn it, scroll to come closer." },
   { target: ".forces", title: "Forces", text: "How hard the hand pushes, what it feels, and what the clay does to the tool. Arrows show them in the picture." },
   { target: ".timeline", title: "Every stroke", text: "Strokes can be taken back and cut again. Along the line you see the clay as it was." },
-  { target: ".plots", title: "Five minutes of everything", text: "Scroll to zoom, drag to look back, hold to read in peace. What you see can be saved." },
+  { target: ".plots", title: "The last five minutes", text: "Scroll to zoom, drag to look back, hold to read in peace. What you see can be saved." },
   { target: ".controls", title: "The line between hand and clay", text: "Add delay or loss, and choose the scheme that copes with it." },
   { target: "[data-testid='operate']", title: "Your turn", text: "Take a tool yourself: press here, then cut with the mouse, a pen or a finger." },
 ];
