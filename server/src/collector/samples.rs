@@ -22,7 +22,8 @@ pub(super) fn publish(shared: &SessionShared, before: &SessionRecord, record: &S
             handle_velocity_m_s: single(view.handle_velocity_m_s),
             tool_velocity_m_s: single(view.velocity_m_s),
             energy_handle_j: view.energy_handle_j as f32,
-            energy_tool_j: view.energy_tool_j as f32,
+            // What the tool puts into the clay has left the link.
+            energy_tool_j: -view.energy_tool_j as f32,
             rtt_s: tool.rtt_s.unwrap_or(0.0) as f32,
             correction_step_n: corrected_since(before.as_ref(), tool) as f32,
             correction_held_n: norm(view.corrections.held_n),
