@@ -379,7 +379,10 @@ def check_messages(interface):
                         # Whether it can be done as things stand is not the schema's to say.
                         if text["type"] == "problem" and text["problem"]["status"] in (400, 422):
                             refusal = text["problem"]
-                    interface.hold(place, body, refusal, f"message {body}")
+                    # A stop is carried out whatever is wrong with its words.
+                    is_stop = isinstance(body, dict) and body.get("type") == "stop"
+                    if not (is_stop and refusal is None):
+                        interface.hold(place, body, refusal, f"message {body}")
 
 
 def check_coverage(interface):

@@ -108,7 +108,7 @@ async fn stop(
 #[utoipa::path(
     post, path = "/sessions/{id}/stop/clear", tag = "operators",
     params(("id" = String, Path, description = "The session's name")),
-    request_body(content = Option<StopClearing>, content_type = "application/json"),
+    request_body = StopClearing,
     responses((status = 200, description = "The session, stopped no longer", body = Session), ClearRefusals),
 )]
 async fn clear_stop(
@@ -162,7 +162,7 @@ async fn withdraw(
 #[utoipa::path(
     post, path = "/sessions/{id}/tools/{tool}/grant", tag = "operators",
     params(("id" = String, Path, description = "The session's name"), ("tool" = u32, Path, description = "The tool's number, from 1")),
-    request_body(content = Option<ControlRequest>, content_type = "application/json"),
+    request_body = ControlRequest,
     responses((status = 200, description = "The session with the tool kept for that operator", body = Session), ControlRefusals),
 )]
 async fn grant(
@@ -186,7 +186,7 @@ async fn grant(
 #[utoipa::path(
     post, path = "/sessions/{id}/tools/{tool}/deny", tag = "operators",
     params(("id" = String, Path, description = "The session's name"), ("tool" = u32, Path, description = "The tool's number, from 1")),
-    request_body(content = Option<Denial>, content_type = "application/json"),
+    request_body = Denial,
     responses((status = 200, description = "The session without the request", body = Session), ControlRefusals),
 )]
 async fn deny(

@@ -12,7 +12,8 @@ use utoipa::openapi::example::ExampleBuilder;
 use utoipa::openapi::schema::{AdditionalProperties, Schema};
 use utoipa::openapi::security::{HttpAuthScheme, HttpBuilder, SecurityRequirement, SecurityScheme};
 use utoipa::openapi::{
-    Components, ContentBuilder, InfoBuilder, OpenApi, Ref, RefOr, Response, ResponseBuilder, Server,
+    Components, ContentBuilder, InfoBuilder, OpenApi, Ref, RefOr, Required, Response,
+    ResponseBuilder, Server,
 };
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
@@ -75,12 +76,24 @@ refusals!(DocumentRefusals in ANYWHERE:);
 )]
 struct Frame;
 
+/// Calls whose body may be left out; where there is one, it is as described.
+const BODIES_LEFT_OUT: [&str; 3] = ["clear_stop", "grant", "deny"];
+
 /// The description of `calls`.
 pub(crate) fn document(calls: OpenApi, version: &str) -> OpenApi {
     let mut document = Frame::openapi();
     document.merge(calls);
     if let Some(components) = &mut document.components {
         components.schemas.values_mut().for_each(close_variants);
+    }
+    for item in document.paths.paths.values_mut() {
+        if let Some(operation) = &mut item.post
+            && let Some(id) = &operation.operation_id
+            && BODIES_LEFT_OUT.contains(&id.as_str())
+            && let Some(RefOr::T(body)) = &mut operation.request_body
+        {
+            body.required = Some(Required::False);
+        }
     }
     document.info = InfoBuilder::new()
         .title("teleclay")
