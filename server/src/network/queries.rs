@@ -2,7 +2,8 @@
 //!
 //! An answer waits for whoever asked to read it, so every one is put by a thread that may wait, and only so many wait
 //! at once. The session that frames fly on answers nothing that is long. Whoever lets a question go says so to its
-//! asker, and waits likewise: no thread of Zenoh's does that, since it carries every line.
+//! asker, and waits likewise: a thread of its own does that, and none of Zenoh's as long as there is room, since those
+//! carry every line.
 
 use std::sync::Arc;
 use std::sync::mpsc::{SyncSender, sync_channel};

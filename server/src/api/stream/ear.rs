@@ -12,7 +12,7 @@ use futures_util::stream::SplitStream;
 use serde_json::Value;
 use teleclay_proto::http::NO_REASON;
 use teleclay_proto::invite::Role;
-use teleclay_proto::watch::{ClientText, FramesView, ServerText};
+use teleclay_proto::watch::{FramesView, ServerText};
 use tokio::sync::mpsc::Sender;
 use tokio::time::{Duration, sleep};
 
@@ -46,8 +46,7 @@ struct Known {
     hearing: Mutex<Option<Hearing>>,
     /// Something has come since somebody looked.
     gave_a_sign: AtomicBool,
-    /// A stop is being carried out.
-    stops: AtomicBool,
+    stops: Stops,
 }
 
 impl Shared {
@@ -88,7 +87,7 @@ impl Ear<'_> {
             self.shared.0.gave_a_sign.store(true, Ordering::Relaxed);
             let heard = match message {
                 Message::Close(_) => return End::Left,
-                // The library answers pings; they count as messages all the same.
+                // The library answers pings; of a hand they count as messages.
                 Message::Ping(_) | Message::Pong(_) => {
                     self.pace().await;
                     continue;
@@ -107,13 +106,15 @@ impl Ear<'_> {
                 }
                 Message::Text(text) => {
                     if let Some((operator, reason)) = stop_in(&text) {
-                        self.stop(operator, reason);
-                        continue;
-                    }
-                    if MAX_INCOMING < text.len() {
+                        match self.stop(operator, reason) {
+                            Some(text) => Heard::Said(Box::new(text)),
+                            None => continue,
+                        }
+                    } else if MAX_INCOMING < text.len() {
                         return End::TooLong;
+                    } else {
+                        Heard::Text(text.to_string())
                     }
-                    Heard::Text(text.to_string())
                 }
             };
             // It is gone only where the socket is.
@@ -151,64 +152,108 @@ impl Ear<'_> {
         Some(problem(failure))
     }
 
-    /// Stops the session, whatever else is under way on this socket.
-    fn stop(&self, operator: Option<String>, reason: Option<String>) {
+    /// Stops the session, whatever else is under way on this socket; what to say otherwise.
+    fn stop(&self, operator: Option<String>, reason: Option<String>) -> Option<ServerText> {
         let (by, pass) = match &*self.shared.hearing() {
             Some(hearing) => (Some(hearing.operator().to_owned()), Some(hearing.pass())),
             None => (None, None),
         };
         let asker = self.asker.with(pass.as_ref());
-        let heard = self.heard.clone();
         if let Err(failure) = asker.check(Role::Operator, "stop by stream") {
-            let said = Heard::Said(Box::new(problem(failure)));
-            tokio::spawn(async move { heard.send(said).await.ok() });
-            return;
+            return Some(problem(failure));
         }
-        if self.shared.0.stops.swap(true, Ordering::Relaxed) {
-            // The one under way is as good.
-            return;
+        if self.shared.0.stops.lock().ask() == Turn::Later {
+            return None;
         }
         let by = by.unwrap_or_else(|| asker.name(operator));
         let reason = reason.unwrap_or_else(|| NO_REASON.to_owned());
         asker.tell("stop by stream");
-        let (live, id, shared) = (asker.live.clone(), asker.id.clone(), self.shared.clone());
+        let (live, id) = (asker.live.clone(), asker.id.clone());
+        let (shared, heard) = (self.shared.clone(), self.heard.clone());
         tokio::spawn(async move {
-            let stopped = see_through(async move { live.stop(&by, &reason).await.map(drop) }).await;
-            shared.0.stops.store(false, Ordering::Relaxed);
-            let said = told_of_change(stopped, &id);
-            // The socket may have gone.
-            heard.send(Heard::Said(Box::new(said))).await.ok();
+            let told = loop {
+                let (live, by, reason) = (live.clone(), by.clone(), reason.clone());
+                let stop = async move { live.stop(&by, &reason).await.map(drop) };
+                let told = told_of_change(see_through(stop).await, &id);
+                if shared.0.stops.lock().done() == Turn::Now {
+                    break told;
+                }
+            };
+            // Where so many texts wait that this finds no room, the state tells of the stop.
+            heard.try_send(Heard::Said(Box::new(told))).ok();
         });
+        None
+    }
+}
+
+/// The stops of a socket: one is carried out at a time, and one that comes meanwhile is carried out after it, since the
+/// first may have been cleared by then.
+#[derive(Default)]
+struct Stops(Mutex<Asked>);
+
+#[derive(Clone, Copy, Default)]
+struct Asked {
+    is_under_way: bool,
+    again: bool,
+}
+
+#[derive(Debug, PartialEq, Eq)]
+enum Turn {
+    Now,
+    Later,
+}
+
+impl Stops {
+    fn lock(&self) -> MutexGuard<'_, Asked> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Asked {
+    /// Whether a stop is to be begun, or left to the one that is under way.
+    fn ask(&mut self) -> Turn {
+        if self.is_under_way {
+            self.again = true;
+            return Turn::Later;
+        }
+        self.is_under_way = true;
+        Turn::Now
+    }
+
+    /// One was carried out; whether that was all.
+    fn done(&mut self) -> Turn {
+        if std::mem::take(&mut self.again) {
+            return Turn::Later;
+        }
+        self.is_under_way = false;
+        Turn::Now
     }
 }
 
 /// The words of a stop, where a text is one: nothing that is wrong with it is a reason not to stop.
 fn stop_in(text: &str) -> Option<(Option<String>, Option<String>)> {
     const BEGINS: &str = "{\"type\":\"stop\"";
-    if let Ok(ClientText::Stop { operator, reason }) = ClientText::parse(text) {
-        return Some((operator, reason));
-    }
-    let is_stop = match serde_json::from_str::<Value>(text) {
-        Ok(value) => value["type"] == "stop",
-        Err(_) => {
-            let start: String = text
-                .chars()
-                .filter(|part| !part.is_whitespace())
-                .take(32)
-                .collect();
-            start.starts_with(BEGINS)
-        }
+    let Ok(value) = serde_json::from_str::<Value>(text) else {
+        let printed = text.chars().filter(|part| !part.is_whitespace());
+        let start: String = printed.take(BEGINS.len()).collect();
+        return (start == BEGINS).then_some((None, None));
     };
-    is_stop.then(|| {
-        let value: Value = serde_json::from_str(text).unwrap_or_default();
-        let word = |name: &str| value[name].as_str().map(str::to_owned);
-        (word("operator"), word("reason"))
-    })
+    let word = |name: &str| value[name].as_str().map(str::to_owned);
+    (value["type"] == "stop").then(|| (word("operator"), word("reason")))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_stop_that_comes_while_one_is_under_way_is_carried_out_after_it() {
+        let mut asked = Asked::default();
+        assert_eq!(asked.ask(), Turn::Now);
+        assert_eq!((asked.ask(), asked.ask()), (Turn::Later, Turn::Later));
+        assert_eq!((asked.done(), asked.done()), (Turn::Later, Turn::Now));
+        assert_eq!(asked.ask(), Turn::Now);
+    }
 
     #[test]
     fn nothing_that_is_wrong_with_a_stop_keeps_it_from_being_one() {

@@ -75,15 +75,16 @@ refusals!(WatchRefusals: HANDSHAKE, NO_SUBPROTOCOL, PATH, NO_SUCH_SESSION, SESSI
 /// Watch a session, and change it, over a WebSocket
 ///
 /// Ask for the subprotocol `teleclay.v1`. Text messages are JSON: `ServerText` from the server, `ClientText` to it, at
-/// most 16 KiB. Binary messages are bricks of the clay and batches of telemetry. The server says `hello`, then tells
-/// the state several times a second; bricks and telemetry come once a `subscribe` asks for them. A message that is not
-/// acceptable is answered with a `problem` and nothing of it is done.
+/// most 16 KiB. Binary messages are bricks of the clay, batches of telemetry, and frames of a hand that has joined. The
+/// server says `hello`, then tells the state several times a second; bricks and telemetry come once a `subscribe` asks
+/// for them, and bricks where a hand asks for a snapshot. A message that is not acceptable is answered with a `problem`
+/// and nothing of it is done; a `stop` is acceptable whatever is wrong with it.
 ///
-/// A watcher costs at most 2 Mbit/s. One that reads slowly gets merged bricks and loses old telemetry, which is
-/// counted. The server closes with 4404 when the session has ended, with 4408 when a message could not be handed over
-/// within ten seconds or pings were not answered for 25, with 1009 when a message is too long, with 1002 or 1007 when
-/// one breaks the protocol, with 4403 when the invite has ended that it was opened with. A `problem` comes before 1009
-/// and 1007.
+/// What is subscribed to costs at most 2 Mbit/s; frames and snapshots of a hand come on top. One that reads slowly gets
+/// merged bricks and loses old telemetry, which is counted. The server closes with 4404 when the session has ended,
+/// with 4408 when a message could not be handed over within ten seconds or pings were not answered for 25, with 1009
+/// when a message is too long, with 1002 or 1007 when one breaks the protocol, with 4403 when the invite has ended that
+/// it was opened with. A `problem` comes before 1009 and 1007.
 #[utoipa::path(
     get, path = "/sessions/{id}/stream", tag = "watching",
     params(
