@@ -365,8 +365,12 @@ fn whoever_is_stopped_while_joining_is_told_so_too() {
     let session = replica(rig, &site, 1);
     let (mut ada, mut eve) = (Stream::open(&site, &session), Stream::open(&site, &session));
     let (mut granted, mut refused) = (0, 0);
-    for _ in 0..60 {
+    for round_trips in 0..60 {
         join(&mut ada, "Ada");
+        // The stop comes a little later each time: before the lease, with it, after it.
+        for _ in 0..round_trips {
+            eve.catch_up();
+        }
         eve.say(&json!({ "type": "stop", "operator": "Eve", "reason": "now" }));
         done(&mut eve);
         let is_granted = ada.until("an answer", |text| match text {
