@@ -42,6 +42,14 @@ class Program {
     return this.#child.exitCode === null && this.#child.signalCode === null && this.#child.pid !== undefined;
   }
 
+  /** What it has taken of processors so far, s. */
+  get cpu_s(): number {
+    const text = readFileSync(`/proc/${this.#child.pid ?? 0}/stat`, "utf8");
+    // After the name, which may hold anything: user and system time are the 12th and 13th field, in ticks of 10 ms.
+    const fields = text.slice(text.lastIndexOf(")") + 2).split(" ");
+    return (Number(fields[11]) + Number(fields[12])) / 100;
+  }
+
   get said(): string {
     return `${this.#name} said:\n${this.#lines.join("\n")}`;
   }
@@ -99,6 +107,12 @@ export class Teleclay {
   startHandle(...wish: readonly string[]): void {
     const parameters = wish.length === 0 ? ["--session", SESSION, "--intent", "cutting"] : wish;
     this.#handles.push(new Program("teleclay-handle", ["--connect", this.#zenoh, "--device", "simulated", ...parameters]));
+  }
+
+  /** What the server has taken of processors so far, s. */
+  get serverCpu_s(): number {
+    if (this.#server === undefined) throw new Error("there is no server");
+    return this.#server.cpu_s;
   }
 
   async killServer(): Promise<void> {
