@@ -66,7 +66,8 @@ pub struct Worked {
 }
 
 impl Clay {
-    /// A fresh block. Reserves address space for every brick; pages are committed as they are carved.
+    /// A fresh block. Reserves address space for every brick; memory is committed as bricks are carved, or a little
+    /// ahead of that, see [`Clay::commit_ahead`].
     ///
     /// # Errors
     /// When the shape does not fit a grid of voxels of this size.
@@ -369,10 +370,16 @@ impl Clay {
         self.changes.stale_count()
     }
 
-    /// Has the operating system commit the memory that cutting may come to need, so that the first cut through a brick
-    /// does not wait for it.
+    /// Has the operating system commit the memory that tools may come to need next, so that no cut waits for it: 8 MiB
+    /// beyond what is in use, or all that the block can ever need, if that is less.
     pub fn commit_pages(&mut self) {
-        self.field.commit_pages();
+        self.field.commit_ahead(usize::MAX);
+    }
+
+    /// The same again, as cutting goes on: at most two bricks a call, which is more than a tool at work opens in a
+    /// tick.
+    pub fn commit_ahead(&mut self) {
+        self.field.commit_ahead(2);
     }
 }
 

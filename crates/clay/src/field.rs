@@ -2,9 +2,9 @@
 //!
 //! An occupancy is a byte, 0 for air and 255 for solid clay. A brick is empty, full, or has a slot of 4 KiB in one
 //! slab. The slab has room for every brick from the start and is asked for zeroed, so that the operating system commits
-//! its pages only as they are first carved, and carving itself never allocates. Two slots stand for all bricks that are
-//! empty and all that are full: whoever reads ([`Field::reader`]) finds a slot for every place, and beyond the grid,
-//! too.
+//! its pages only as they are first written to, a little ahead of their use ([`Field::commit_ahead`]), and carving
+//! itself never allocates. Memory follows the surface. Two slots stand for all bricks that are empty and all that are
+//! full: whoever reads ([`Field::reader`]) finds a slot for every place, and beyond the grid, too.
 
 use crate::grid::{BRICK_EDGE, BRICK_VOXELS, BrickIndex, Grid};
 use crate::shape::{Shape, covered_share};
@@ -18,6 +18,10 @@ const SOLID_SLOT: u32 = 1;
 const FIRST_SLOT: u32 = 2;
 /// Sum of the occupancies of a full brick.
 pub(crate) const FULL_SUM: u32 = BRICK_VOXELS as u32 * SOLID as u32;
+
+/// Slots that are kept ready beyond those in use: what several tools may come to need at once, and what a block of
+/// usual size may ever need, in 8 MiB.
+const SLOTS_READY: usize = 2048;
 
 /// A brick is looked through again when one part of so many of its clay is gone.
 const LOOKED_THROUGH_AFTER: u32 = 8;
@@ -65,6 +69,8 @@ pub(crate) struct Field {
     free: Vec<u32>,
     /// Slots from here on were never used.
     unused_from: u32,
+    /// Slots from here on were never written to, so that the operating system has yet to commit their pages.
+    uncommitted_from: u32,
     total: u64,
 }
 
@@ -142,6 +148,7 @@ impl Field {
             slab,
             free: Vec::with_capacity(count),
             unused_from: FIRST_SLOT,
+            uncommitted_from: FIRST_SLOT,
             total: 0,
         }
     }
@@ -334,11 +341,19 @@ impl Field {
         true
     }
 
-    /// Writes to every page of the slab that was never used, so that no later cut waits for the operating system to
-    /// commit one.
-    pub(crate) fn commit_pages(&mut self) {
-        let used = self.unused_from as usize * BRICK_VOXELS;
-        self.slab[used..].fill(0);
+    /// Has the operating system commit the pages of up to `most` slots ahead of their use, until as many are ready as
+    /// tools may come to need at once.
+    pub(crate) fn commit_ahead(&mut self, most: usize) {
+        let slots = self.slab.len() / BRICK_VOXELS;
+        let ready =
+            self.free.len() + self.uncommitted_from.saturating_sub(self.unused_from) as usize;
+        let first = self.uncommitted_from.max(self.unused_from) as usize;
+        let end = slots.min(first + most.min(SLOTS_READY.saturating_sub(ready)));
+        for slot in first..end {
+            // The last byte: a slot may begin in a page of the slot before, whose last byte was written to.
+            self.slab[(slot + 1) * BRICK_VOXELS - 1] = 0;
+        }
+        self.uncommitted_from = end as u32;
     }
 
     fn release(&mut self, brick: usize) {
@@ -357,7 +372,7 @@ impl Field {
 }
 
 impl Clone for Field {
-    /// Copies the slots in use; pages never carved stay uncommitted in the copy too.
+    /// Copies the slots in use, and commits those that were; pages never carved stay uncommitted in the copy too.
     fn clone(&self) -> Self {
         let mut free = Vec::with_capacity(self.bricks.len());
         free.extend_from_slice(&self.free);
@@ -369,6 +384,9 @@ impl Clone for Field {
                 slab[at..at + BRICK_VOXELS].copy_from_slice(self.slot(slot));
             }
         }
+        for &slot in &free {
+            slab[(slot as usize + 1) * BRICK_VOXELS - 1] = 0;
+        }
         Self {
             grid: self.grid,
             bricks: self.bricks.clone(),
@@ -378,6 +396,7 @@ impl Clone for Field {
             slab,
             free,
             unused_from: self.unused_from,
+            uncommitted_from: self.unused_from,
             total: self.total,
         }
     }
@@ -419,14 +438,17 @@ fn fresh_voxels(
     let first = grid
         .brick_coordinates(index)
         .map(|at| usize::from(at) * BRICK_EDGE);
-    let mut shares = vec![0.0; BRICK_VOXELS];
-    for (lower, upper) in boxes {
-        let along: [[f64; BRICK_EDGE]; 3] = std::array::from_fn(|axis| {
+    let along = |(lower, upper): &([f64; 3], [f64; 3])| -> [[f64; BRICK_EDGE]; 3] {
+        std::array::from_fn(|axis| {
             std::array::from_fn(|at| covered_share(first[axis] + at, lower[axis], upper[axis]))
-        });
-        if along.iter().flatten().all(|&share| 1.0 <= share) {
-            return None;
-        }
+        })
+    };
+    let fills = |shares: [[f64; BRICK_EDGE]; 3]| shares.iter().flatten().all(|&share| 1.0 <= share);
+    if boxes.iter().map(along).any(fills) {
+        return None;
+    }
+    let mut shares = vec![0.0; BRICK_VOXELS];
+    for along in boxes.iter().map(along) {
         if along
             .iter()
             .any(|shares| shares.iter().all(|&share| share <= 0.0))
@@ -557,6 +579,31 @@ mod tests {
         field.count_removal(0, FULL_SUM);
         assert_eq!((field.brick(0), field.total()), (Brick::Empty, 0));
         assert_eq!(field.free, [slot]);
+    }
+
+    #[test]
+    fn slots_are_committed_ahead_of_their_use_and_no_more_than_may_be_needed() {
+        let mut small = field([0.064; 3]);
+        small.commit_ahead(usize::MAX);
+        assert_eq!(small.uncommitted_from, FIRST_SLOT + 64, "all there are");
+
+        let mut large = field([0.512, 0.512, 0.064]);
+        large.commit_ahead(usize::MAX);
+        let ready = FIRST_SLOT + SLOTS_READY as u32;
+        assert_eq!(large.uncommitted_from, ready);
+        large.commit_ahead(2);
+        assert_eq!(large.uncommitted_from, ready, "enough is enough");
+        for brick in 0..5 {
+            large.materialise(brick);
+        }
+        for (call, want) in [2, 4, 5, 5].into_iter().enumerate() {
+            large.commit_ahead(2);
+            assert_eq!(large.uncommitted_from, ready + want, "call {call}");
+        }
+        large.replace(0, BrickView::Empty);
+        large.materialise(9);
+        large.commit_ahead(2);
+        assert_eq!(large.uncommitted_from, ready + 5, "a slot is used again");
     }
 
     #[test]

@@ -244,6 +244,7 @@ impl Session {
         for number in 0..self.slots.len() {
             self.tick_tool(number);
         }
+        self.clay.commit_ahead();
         for number in 0..self.slots.len() {
             self.follow_holder(number);
             self.forget_old(number);

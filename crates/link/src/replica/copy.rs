@@ -268,6 +268,7 @@ impl Copy {
                 .on_correction(setup.felt(self.answer), setup.felt(force));
         }
         let (is_near, is_changed) = self.carry_out_corrections(setup, &motion);
+        self.clay.commit_ahead();
         if is_near {
             self.contact = before;
             let felt = self
