@@ -281,7 +281,7 @@ fn nesting_does_not_exhaust_the_stack() {
 }
 
 #[test]
-fn a_grid_has_at_most_512_voxels_along_each_axis() {
+fn a_grid_has_at_most_1024_voxels_along_each_axis_and_half_as_many_in_all_as_that_would_allow() {
     let spec = |size_m: [f64; 3], voxel_size_m| {
         let shape = ClayShape::Block { size_m };
         ClaySpec {
@@ -291,14 +291,18 @@ fn a_grid_has_at_most_512_voxels_along_each_axis() {
         .validate()
         .map_err(|error| error.pointer)
     };
-    assert_eq!(spec([0.256; 3], 5e-4), Ok(()));
     for axis in 0..3 {
-        let mut size_m = [0.256; 3];
+        let mut size_m = [0.512; 3];
+        size_m[axis] = 0.256;
+        assert_eq!(spec(size_m, 5e-4), Ok(()));
         size_m[axis] = 0.2561;
+        assert_eq!(spec(size_m, 5e-4), Err("/voxel_size_m".to_owned()));
+        let mut size_m = [0.1; 3];
+        size_m[axis] = 0.5121;
         assert_eq!(spec(size_m, 5e-4), Err("/voxel_size_m".to_owned()));
     }
     // 0.1 is 100 times 0.001 only to rounding.
-    assert_eq!(spec([0.1 + 0.2; 3], 0.3 / 512.0), Ok(()));
+    assert_eq!(spec([0.1 + 0.2, 0.3, 0.15], 0.3 / 1024.0), Ok(()));
     let stepped = ClaySpec {
         shape: ClayShape::stepped(),
         voxel_size_m: 5e-4,

@@ -107,8 +107,8 @@ type Triangle = readonly [number, number, number, number, number, number, number
 
 /** A surface of voxels has no longer triangles, voxels: only those of another kind are split. */
 const LONGEST = 1.5;
-/** Enough for a triangle across the largest grid, of 512 voxels; a bound for one that is no triangle of clay. */
-const MOST_HALVINGS = 18;
+/** Enough for a triangle across the largest grid, of 1024 voxels; a bound for one that is no triangle of clay. */
+const MOST_HALVINGS = 20;
 
 function isLong([ax, ay, , bx, by, , cx, cy]: Triangle): boolean {
   return LONGEST < Math.max(ax, bx, cx) - Math.min(ax, bx, cx) || LONGEST < Math.max(ay, by, cy) - Math.min(ay, by, cy);

@@ -26,8 +26,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let along = [1.0, 0.0, 0.0];
     let up = [0.0, 0.0, 1.0];
     let diagonal = [0.6, 0.64, 0.48];
-    for voxels in [64, 128, 256, 512] {
-        let edge = voxels as f64;
+    for voxels in [64, 128, 256, 512, 1024] {
+        let edge = voxels.min(512) as f64;
         for stroke in [
             Stroke {
                 name: "ball inside, along x",
@@ -81,9 +81,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 impl Stroke {
     fn run(&self) -> Result<(), Box<dyn std::error::Error>> {
         let size_m = self.voxels as f64 * VOXEL_M;
+        // The largest block is half as high.
+        let height_m = size_m.min(512.0 * VOXEL_M);
         let mut clay = Clay::new(
             &Shape::Block {
-                size_m: [size_m; 3],
+                size_m: [size_m, size_m, height_m],
             },
             VOXEL_M,
         )?;
@@ -92,12 +94,12 @@ impl Stroke {
         let (material, mut contact) = (Material::default(), ContactState::default());
         let step_m = 0.25 * VOXEL_M;
         let ticks = self.voxels * 3;
-        let middle = 0.5 * size_m;
+        let middle_m = [0.5 * size_m, 0.5 * size_m, 0.5 * height_m];
         let place = |tick: usize| {
             let way_m = (tick as f64 - 0.5 * ticks as f64) * step_m;
             let lift_m = self.height * VOXEL_M;
             Pose::quantise(std::array::from_fn(|axis| {
-                middle + way_m * self.direction[axis] + if axis == 2 { lift_m } else { 0.0 }
+                middle_m[axis] + way_m * self.direction[axis] + if axis == 2 { lift_m } else { 0.0 }
             }))
         };
         let velocity_m_s = self.direction.map(|d| d * step_m / 1e-3);

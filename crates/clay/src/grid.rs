@@ -9,8 +9,11 @@ use thiserror::Error;
 pub const BRICK_EDGE: usize = 16;
 /// Voxels in a brick.
 pub const BRICK_VOXELS: usize = BRICK_EDGE * BRICK_EDGE * BRICK_EDGE;
-/// Most voxels along an axis: 512 cubed is 128 MiB when every brick is carved.
-pub const MAX_AXIS_VOXELS: usize = 512;
+/// Most voxels along an axis.
+pub const MAX_AXIS_VOXELS: usize = 1024;
+/// Most voxels of a grid, as in 1024 by 1024 by 512: half a gigabyte if every brick of it is carved, and less for as
+/// long as most are not.
+pub const MAX_VOXELS: u64 = 1 << 29;
 /// Smallest voxel, m: well above the pose lattice, so that a pose resolves a voxel finely.
 pub const MIN_VOXEL_SIZE_M: f64 = 1e-5;
 /// Largest voxel, m.
@@ -19,7 +22,8 @@ pub const MAX_VOXEL_SIZE_M: f64 = 0.1;
 /// A remainder of a voxel below this fraction is rounding noise of the division by the voxel size, not clay.
 const REMAINDER_NOISE: f64 = 1e-6;
 
-/// Dimensions of a voxel grid. Invariant: 1 to [`MAX_AXIS_VOXELS`] voxels along every axis, a valid voxel size.
+/// Dimensions of a voxel grid. Invariant: 1 to [`MAX_AXIS_VOXELS`] voxels along every axis, [`MAX_VOXELS`] at most in
+/// all, a valid voxel size.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Grid {
     voxels: [u16; 3],
@@ -52,6 +56,12 @@ pub enum GridError {
         /// Voxels that the edge would need.
         needed: f64,
     },
+    /// There are more voxels than a grid may have.
+    #[error("{needed} voxels are needed in all, a grid has at most {MAX_VOXELS}")]
+    TooManyInAll {
+        /// Voxels that would be needed.
+        needed: u64,
+    },
 }
 
 /// A brick's place in the dense order: x fastest, then y, then z. Valid for the grid that made it.
@@ -78,7 +88,7 @@ impl Grid {
     /// The smallest grid of voxels of the given size that holds a box from the origin to `size_m`.
     ///
     /// # Errors
-    /// When the voxel size or an edge is out of range, or an edge needs more than [`MAX_AXIS_VOXELS`] voxels.
+    /// When the voxel size or an edge is out of range, or there would be too many voxels, along an edge or in all.
     pub fn covering(size_m: [f64; 3], voxel_size_m: f64) -> Result<Self, GridError> {
         if !(MIN_VOXEL_SIZE_M..=MAX_VOXEL_SIZE_M).contains(&voxel_size_m) {
             return Err(GridError::VoxelSize {
@@ -96,6 +106,10 @@ impl Grid {
             }
             *count = needed as u16;
         }
+        let needed = voxels.iter().map(|&count| u64::from(count)).product();
+        if MAX_VOXELS < needed {
+            return Err(GridError::TooManyInAll { needed });
+        }
         let bricks = voxels.map(|count| count.div_ceil(BRICK_EDGE as u16));
         Ok(Self {
             voxels,
@@ -107,7 +121,7 @@ impl Grid {
     /// A grid of so many voxels along x, y, z.
     ///
     /// # Errors
-    /// When the voxel size is out of range, or an axis has no voxel or more than [`MAX_AXIS_VOXELS`].
+    /// When the voxel size is out of range, an axis has no voxel, or there are too many, along an axis or in all.
     pub fn of_voxels(voxels: [u16; 3], voxel_size_m: f64) -> Result<Self, GridError> {
         // Half a voxel less is covered by as many, however it is rounded.
         let size_m = voxels.map(|count| (f64::from(count) - 0.5) * voxel_size_m);
@@ -207,11 +221,18 @@ mod tests {
 
     #[test]
     fn the_largest_grid_is_allowed_and_one_more_voxel_is_not() {
-        assert!(Grid::covering([0.512; 3], 1e-3).is_ok());
+        assert!(Grid::covering([1.024, 1.024, 0.512], 1e-3).is_ok());
+        assert!(Grid::covering([0.512, 1.024, 1.024], 1e-3).is_ok());
         assert!(matches!(
-            Grid::covering([0.512, 0.513, 0.1], 1e-3),
+            Grid::covering([0.512, 1.025, 0.1], 1e-3),
             Err(GridError::TooManyVoxels { axis: 1, .. })
         ));
+        assert_eq!(
+            Grid::covering([1.024, 1.024, 0.513], 1e-3),
+            Err(GridError::TooManyInAll {
+                needed: 1024 * 1024 * 513
+            })
+        );
         assert!(matches!(
             Grid::covering([1e300, 1.0, 1.0], 1e-3),
             Err(GridError::TooManyVoxels { axis: 0, .. })

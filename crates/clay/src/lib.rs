@@ -43,7 +43,7 @@ pub use engage::{LOOK_AHEAD_VOXELS, Tool, row_spacing_m};
 pub use field::{BrickView, SOLID};
 pub use grid::{
     BRICK_EDGE, BRICK_VOXELS, BrickIndex, Grid, GridError, MAX_AXIS_VOXELS, MAX_VOXEL_SIZE_M,
-    MIN_VOXEL_SIZE_M,
+    MAX_VOXELS, MIN_VOXEL_SIZE_M,
 };
 pub use law::{
     Coefficients, ContactState, MAX_COEFFICIENT, MAX_SPEED_M_S, Material, MaterialError, Motion,

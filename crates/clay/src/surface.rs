@@ -60,7 +60,7 @@ pub(crate) use window::{Bricks, HALO};
 
 /// How far a vertex stays from the sides of its cell, voxels. So small that clay of the least occupancy, one of 255,
 /// has room for its volume between its vertices. So large that vertices are told apart: coordinates are rounded to
-/// `f32` twice, each time by 2^-15 voxels at most at the far end of a grid of 512, and 2^-14 is a sixteenth of it.
+/// `f32` twice, each time by 2^-14 voxels at most at the far end of a grid of 1024, and 2^-13 is an eighth of it.
 const MARGIN: f32 = 1.0 / 1024.0;
 
 /// A triangle mesh in the clay frame.

@@ -392,12 +392,14 @@ fn far_huge_and_empty_sweeps_are_harmless() {
 
 #[test]
 fn a_diagonal_through_the_largest_grid_agrees_with_itself() {
-    let shape = Shape::Block { size_m: [0.512; 3] };
+    let shape = Shape::Block {
+        size_m: [1.024, 1.024, 0.512],
+    };
     let mut forth = Clay::new(&shape, 1e-3).unwrap();
     let mut in_parts = Clay::new(&shape, 1e-3).unwrap();
     let ball = ToolShape::ball(0.0128).unwrap();
     let at = |share: f64| {
-        Pose::quantise([0.6 * share - 0.04, 0.5 * share, 0.512 - 0.5 * share]).unwrap()
+        Pose::quantise([1.1 * share - 0.04, 1.024 * share, 0.512 - 0.5 * share]).unwrap()
     };
     forth.carve(&Sweep {
         shape: ball,

@@ -4,8 +4,8 @@ use std::f64::consts::{FRAC_1_SQRT_2, PI};
 
 use proptest::prelude::*;
 use teleclay_clay::{
-    Clay, Coefficients, ContactState, Material, Motion, Pose, RIGID_YIELD_SPEED_M_S, Regime, Shape,
-    SteppedBlock, Sweep, Tool, ToolShape, Worked,
+    BrickView, Clay, Coefficients, ContactState, Material, Motion, Pose, RIGID_YIELD_SPEED_M_S,
+    Regime, Shape, SteppedBlock, Sweep, Tool, ToolShape, Worked,
 };
 
 const VOXEL_M: f64 = 5e-4;
@@ -392,6 +392,44 @@ fn feeling_does_not_cut() {
         (stroke.clay.hash(), stroke.clay.remaining_units()),
         (hash, left)
     );
+}
+
+/// The longest grid along each axis in turn: what is felt at one end is felt at the other, but for the rounding of
+/// places between voxels there.
+#[test]
+fn the_area_does_not_depend_on_the_place_in_the_largest_grid() {
+    const VOXEL_M: f64 = 5e-4;
+    let tool = Tool::new(ToolShape::ball(0.005).unwrap());
+    for axis in 0..3 {
+        let mut size_m = [0.03; 3];
+        size_m[axis] = 1024.0 * VOXEL_M;
+        let mut clay = Clay::new(&Shape::Block { size_m }, VOXEL_M).unwrap();
+        let area_m2 = |clay: &Clay, along_m: f64, ahead: f64| {
+            let mut place_m = [0.015; 3];
+            place_m[axis] = along_m;
+            let mut direction = [0.0; 3];
+            direction[axis] = ahead;
+            clay.engaged_area_m2(&tool, at(place_m), direction)
+        };
+        for into_m in [0.0, 1.0 * VOXEL_M, 11.3 * VOXEL_M, 300.0 * VOXEL_M] {
+            let near_m2 = area_m2(&clay, into_m, 1.0);
+            let far_m2 = area_m2(&clay, size_m[axis] - into_m, -1.0);
+            assert!(0.0 < near_m2, "{axis}, {into_m}");
+            let share = (far_m2 / near_m2 - 1.0).abs();
+            assert!(share < 2e-3, "{axis}, {into_m}: {near_m2}, {far_m2}");
+        }
+        // Likewise where the last bricks are all there is.
+        let near_m2 = area_m2(&clay, 0.0, 1.0);
+        for number in 0..clay.grid().brick_count() {
+            let index = clay.grid().brick_index(number as u32).unwrap();
+            if clay.grid().brick_coordinates(index)[axis] < 63 {
+                clay.replace_brick(index, BrickView::Empty).unwrap();
+            }
+        }
+        let far_m2 = area_m2(&clay, size_m[axis], -1.0);
+        let share = (far_m2 / near_m2 - 1.0).abs();
+        assert!(share < 2e-3, "{axis}: {near_m2}, {far_m2}");
+    }
 }
 
 #[test]

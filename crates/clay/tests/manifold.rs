@@ -147,10 +147,10 @@ fn vertices_are_told_apart_at_the_far_end() {
     let mut noise = Noise(5);
     for round in 0..200 {
         let voxel_m = noise.between(1.1e-5, 3e-3);
-        let clay = clay_of([512, 5, 5], voxel_m, |[x, ..]| {
+        let clay = clay_of([1024, 5, 5], voxel_m, |[x, ..]| {
             let word = noise.word();
             match (x, word % 4) {
-                (..508, _) | (_, 0..2) => 0,
+                (..1020, _) | (_, 0..2) => 0,
                 (_, 2) => (word >> 8) as u8 % 3,
                 _ => [1, 2, 127, 128, SOLID][(word >> 8) as usize % 5],
             }

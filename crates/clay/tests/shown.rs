@@ -367,10 +367,10 @@ fn only_the_brick_itself_is_stale_where_no_neighbour_sees_the_change() {
 #[test]
 fn a_grid_beyond_every_server_is_refused_and_changes_nothing() {
     let mut mirror = mirror_of([1, 2, 1], |_| SOLID);
-    let error = mirror.start_anew([32, 33, 1]).unwrap_err();
+    let error = mirror.start_anew([32, 65, 1]).unwrap_err();
     assert_eq!(
         error.to_string(),
-        "33 bricks along axis 1, a grid has at most 32"
+        "65 bricks along axis 1, a grid has at most 64"
     );
     assert!(mirror.start_anew([u16::MAX; 3]).is_err());
     assert_eq!(
@@ -378,11 +378,11 @@ fn a_grid_beyond_every_server_is_refused_and_changes_nothing() {
         ([1, 2, 1], BrickView::Full)
     );
     // The largest there is, solid throughout, fits in a page many times over.
-    mirror.start_anew([32; 3]).unwrap();
-    for index in 0..32 * 32 * 32 {
+    mirror.start_anew([64, 64, 32]).unwrap();
+    for index in 0..64 * 64 * 32 {
         mirror.replace(index, BrickView::Full);
     }
-    assert_eq!(mirror.brick([31; 3]), BrickView::Full);
+    assert_eq!(mirror.brick([63, 63, 31]), BrickView::Full);
 }
 
 #[test]

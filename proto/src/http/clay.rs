@@ -11,7 +11,10 @@ use crate::validate::{FieldError, Validate, check};
 use crate::word::words;
 
 /// Most voxels along one axis.
-pub const MAX_VOXELS_PER_AXIS: u32 = 512;
+pub const MAX_VOXELS_PER_AXIS: u32 = 1024;
+
+/// Most voxels in all: 1024 by 1024 by 512 of them.
+pub const MAX_VOXELS: u64 = 1 << 29;
 
 /// Most steps of a stepped block.
 pub const MAX_STEPS: usize = 64;
@@ -195,6 +198,7 @@ impl Validate for ClaySpec {
     fn validate(&self) -> Result<(), FieldError> {
         self.shape.validate_under("/shape")?;
         check("/voxel_size_m", self.voxel_size_m, VOXEL_M)?;
+        let mut in_all = 1.0;
         for (axis, size) in ["x", "y", "z"].into_iter().zip(self.shape.size_m()) {
             // A millionth of a voxel is what the division's rounding may add.
             let voxels = (size / self.voxel_size_m - 1e-6).ceil();
@@ -204,6 +208,11 @@ impl Validate for ClaySpec {
                 );
                 return Err(FieldError::new("/voxel_size_m", detail));
             }
+            in_all *= voxels.max(1.0);
+        }
+        if (MAX_VOXELS as f64) < in_all {
+            let detail = format!("{in_all} voxels in all, wanted at most {MAX_VOXELS}");
+            return Err(FieldError::new("/voxel_size_m", detail));
         }
         Ok(())
     }

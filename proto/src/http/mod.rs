@@ -20,7 +20,7 @@ pub mod theory;
 
 pub use crate::validate::{FieldError, Validate, readable};
 pub use body::{BodyError, parse};
-pub use clay::{ClayReset, ClayShape, ClaySpec, MAX_STEPS, MAX_VOXELS_PER_AXIS};
+pub use clay::{ClayReset, ClayShape, ClaySpec, MAX_STEPS, MAX_VOXELS, MAX_VOXELS_PER_AXIS};
 pub use hash::{ClayHash, ClayHashError};
 pub use health::{Health, HealthStatus, Readiness};
 pub use history::{

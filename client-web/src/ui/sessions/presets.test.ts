@@ -74,8 +74,8 @@ describe("the presets", () => {
   it("have no more voxels along an axis than the server takes", () => {
     for (const { body: { clay } } of PRESETS) {
       if (clay?.shape?.kind !== "block") continue;
-      // 512, and half a millimetre where nothing is said: proto/src/http/clay.rs.
-      for (const length_m of clay.shape.size_m ?? []) expect(length_m / (clay.voxel_size_m ?? 5e-4)).toBeLessThanOrEqual(512);
+      // 1024, and half a millimetre where nothing is said: proto/src/http/clay.rs.
+      for (const length_m of clay.shape.size_m ?? []) expect(length_m / (clay.voxel_size_m ?? 5e-4)).toBeLessThanOrEqual(1024);
     }
   });
 });

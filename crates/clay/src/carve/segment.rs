@@ -1,5 +1,6 @@
 //! The line segment on which a sweep leads through the voxels.
 
+use crate::grid::MAX_AXIS_VOXELS;
 use crate::pose::STEPS_PER_METRE;
 use crate::sweep::Sweep;
 
@@ -25,7 +26,7 @@ impl Segment {
         let far = from
             .iter()
             .chain(&to)
-            .fold(512.0, |far: f64, at| far.max(at.abs()));
+            .fold(MAX_AXIS_VOXELS as f64, |far: f64, at| far.max(at.abs()));
         Self {
             from,
             to,
@@ -90,8 +91,8 @@ impl Segment {
 
     /// Voxels within `reach` of a place along an axis, from the first up to but not including the last.
     pub(super) fn voxels_about(at: f64, reach: f64) -> [i32; 2] {
-        // Grids end far below 1000, so clamping there loses nothing and keeps the conversion exact.
-        let index = |at: f64| at.clamp(-1.0, 1000.0) as i32;
+        // No grid is longer, so clamping there loses nothing and keeps the conversion exact.
+        let index = |at: f64| at.clamp(-1.0, MAX_AXIS_VOXELS as f64) as i32;
         [index(at - reach), index(at + reach + 1.0)]
     }
 }

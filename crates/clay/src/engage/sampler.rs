@@ -3,7 +3,7 @@
 use super::LOOK_AHEAD_VOXELS;
 use super::points::{FacePairs, Tool};
 use crate::field::{Field, Reader, SOLID};
-use crate::grid::BRICK_EDGE;
+use crate::grid::{BRICK_EDGE, MAX_AXIS_VOXELS};
 use crate::lanes::{F32x4, I32x4, LANES};
 use crate::pose::Pose;
 
@@ -16,6 +16,9 @@ const LEAST_COSINE: f32 = 0.25;
 /// wall of a cut holds beside the tool.
 const FULL_FROM: f64 = 0.65;
 const NONE_BELOW: f64 = 0.45;
+
+/// Beyond every grid, in voxels.
+const FAR: f32 = 2.0 * MAX_AXIS_VOXELS as f32;
 
 /// Binary places of a sample's position between voxels.
 const PLACES: u32 = 12;
@@ -73,7 +76,7 @@ impl<'a> Sampler<'a> {
         let corner = |side: f32| {
             std::array::from_fn(|axis| {
                 let half = 0.5 * extents_m[axis] as f32 * self.per_metre + reach + 1.0;
-                (self.middle[axis] + side * half).clamp(-1000.0, 1000.0) as i32 + side as i32
+                (self.middle[axis] + side * half).clamp(-FAR, FAR) as i32 + side as i32
             })
         };
         self.field.is_air(corner(-1.0), corner(1.0))

@@ -10,8 +10,8 @@
 //! half the distance between its rows of points more ([`depth_error_voxels`]), which matters for a thin one.
 
 use teleclay_clay::{
-    Blade, BladeDimensions, Clay, Coefficients, LOOK_AHEAD_VOXELS, MAX_AXIS_VOXELS, Material,
-    Shape, SteppedBlock, SteppedDimensions, ToolShape, row_spacing_m,
+    Blade, BladeDimensions, Clay, Coefficients, LOOK_AHEAD_VOXELS, Material, Shape, SteppedBlock,
+    SteppedDimensions, ToolShape, row_spacing_m,
 };
 
 use super::{CuttingInputs, Refusal};
@@ -30,8 +30,9 @@ const DEPTH_STEP_VOXELS: f64 = 0.25;
 const GOOD_ENOUGH: f64 = 5e-3;
 /// Clay below the blade, so that a cut has a floor, and beside and above it, in voxels.
 const MARGIN_VOXELS: f64 = 4.0;
-/// Voxels along an axis that the ranges may take up; the rest is margin.
-const USABLE_VOXELS: f64 = MAX_AXIS_VOXELS as f64 - 4.0 * MARGIN_VOXELS;
+/// Voxels along an axis that the ranges may take up, of the 512 that an experiment on a slider can wait for; the rest
+/// is margin.
+const USABLE_VOXELS: f64 = 512.0 - 4.0 * MARGIN_VOXELS;
 /// The axis of the cut: x.
 const ALONG_THE_CUT: usize = 0;
 /// Share of a range that its plateau leaves to the transient.
