@@ -1,7 +1,7 @@
 //! The rooms, and which of them each one uses.
 
 /// Which rooms each room uses, tests of it included: exactly these.
-pub(crate) const USES: [(&str, &[&str]); 31] = [
+pub(crate) const USES: [(&str, &[&str]); 32] = [
     ("control", &[]),
     ("kinematics", &[]),
     ("clay", &[]),
@@ -11,6 +11,7 @@ pub(crate) const USES: [(&str, &[&str]); 31] = [
     ("seal", &[]),
     ("channel", &["seal"]),
     ("journal", &[]),
+    ("ros", &[]),
     ("rules", &[]),
     ("wire", &[]),
     ("proto", &["wire"]),
