@@ -1,7 +1,7 @@
 //! The rooms, and which of them each one uses.
 
 /// Which rooms each room uses, tests of it included: exactly these.
-pub(crate) const USES: [(&str, &[&str]); 32] = [
+pub(crate) const USES: [(&str, &[&str]); 33] = [
     ("control", &[]),
     ("kinematics", &[]),
     ("clay", &[]),
@@ -14,6 +14,7 @@ pub(crate) const USES: [(&str, &[&str]); 32] = [
     ("ros", &[]),
     ("rules", &[]),
     ("wire", &[]),
+    ("ros2", &["ros", "wire"]),
     ("proto", &["wire"]),
     ("doors", &["channel", "proto"]),
     ("front", &["doors"]),
@@ -96,6 +97,7 @@ pub(crate) const USES: [(&str, &[&str]); 32] = [
             "offline",
             "pointer",
             "proto",
+            "ros2",
             "session",
             "shell",
             "theory",

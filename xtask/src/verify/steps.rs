@@ -171,6 +171,10 @@ fn python_step() -> Result<()> {
     run(script("ros_messages.py").arg(root()))?;
     run(script("python_control.py").arg(program("examples/analyse_loops")))?;
     run(script("exact_loops.py").arg(program("examples/analyse_loops")))?;
+    run(script("ros2.py")
+        .arg(root())
+        .arg(program("teleclay-server"))
+        .arg(program("teleclay-handle")))?;
     run(script("interface.py").arg(program("teleclay-server")))
 }
 
