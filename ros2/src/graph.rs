@@ -179,7 +179,7 @@ mod tests {
             assert_eq!(first_we.strangers(), 1);
             let mut first_they = graph();
             assert_eq!(first_they.appear(&token(&other)), None);
-            assert_eq!(first_they.have(typed()), [stranger.clone()]);
+            assert_eq!(first_they.have(typed()), std::slice::from_ref(&stranger));
             let said = stranger.to_string();
             assert!(
                 said.starts_with(&format!("subscriber /viewer of {TOPIC} ")),

@@ -109,6 +109,7 @@ impl Ros2 {
     }
 
     /// How it is going.
+    #[must_use]
     pub fn status(&self) -> &Arc<Status> {
         &self.status
     }

@@ -246,7 +246,7 @@ fn dds_name(interface: &str) -> String {
 mod tests {
     use super::*;
 
-    /// Taken down from a ROS 2 Jazzy with rmw_zenoh: `ros2 topic echo` of a stamped twist, best effort, depth 1.
+    /// Taken down from a ROS 2 Jazzy with `rmw_zenoh`: `ros2 topic echo` of a stamped twist, best effort, depth 1.
     const HEARD: &str = "@ros2_lv/0/943f9ebc32acd3e072bfda12ce8c7ed2/0/4/MS/%/%/_ros2cli_31/%cmd_vel/\
         geometry_msgs::msg::dds_::TwistStamped_/RIHS01_5f0fcd4f81d5d06ad9b4c4c63e3ea51b82d6ae4d0558f1d475229b1121db6f64/\
         2::,1:,:,:,,";

@@ -5,7 +5,7 @@ mod rig;
 use teleclay_ros::from_cdr;
 use teleclay_ros::own::{Event as EventMessage, SetSchemeResponse, Settings};
 use teleclay_ros::standard::{
-    DiagnosticArray, SetBoolResponse, TfMessage, TriggerResponse, WrenchStamped,
+    DiagnosticArray, SetBoolResponse, TfMessage, TriggerResponse, Vector3, WrenchStamped,
 };
 use teleclay_ros2::Commands;
 use teleclay_ros2::host::{Call, Level};
@@ -53,10 +53,7 @@ async fn forces_and_frames_are_heard_with_their_numbers_and_times() {
         let bytes = put.payload().to_bytes();
         let WrenchStamped { header, wrench } = from_cdr(&bytes).unwrap();
         assert_eq!(header.frame_id, "teleclay/demo/tool_1");
-        assert_eq!(
-            [wrench.force.x, wrench.force.y, wrench.force.z],
-            [0.5, -1.25, 3.0]
-        );
+        assert_eq!(wrench.force, Vector3::from([0.5, -1.25, 3.0]));
         let (sequence, sent_ns, gid) = attachment(put.attachment().unwrap());
         assert!(0 < sequence && gid != [0; 16]);
         let stamp_ns =

@@ -8,7 +8,7 @@ message! {
     /// The line between a tool and whoever holds it, as the tool's side knows it.
     #[derive(Copy)]
     "teleclay_msgs/msg/Link" Link<'a> {
-        /// When.
+        /// Time of day.
         stamp: Time,
         /// Round trip, s; 0 before one was measured.
         rtt_s: f64,
@@ -25,7 +25,7 @@ message! {
     /// What flowed into the line at its two ends, less what left it there.
     #[derive(Copy)]
     "teleclay_msgs/msg/Energy" Energy {
-        /// When.
+        /// Time of day.
         stamp: Time,
         /// At the handle, J.
         handle_j: f64,
@@ -38,7 +38,7 @@ message! {
     /// What corrections of the handle's copy of the clay do to the hand.
     #[derive(Copy)]
     "teleclay_msgs/msg/Corrections" Corrections {
-        /// When.
+        /// Time of day.
         stamp: Time,
         /// How far they have moved the felt force since the message before, N.
         step_n: f64,
@@ -51,7 +51,7 @@ message! {
     /// Something that happened in a session.
     #[derive(Copy, Eq)]
     "teleclay_msgs/msg/Event" Event<'a> {
-        /// When.
+        /// Time of day.
         stamp: Time,
         /// [`Event::INFO`], [`Event::WARNING`] or [`Event::ERROR`].
         level: u8,
@@ -73,7 +73,7 @@ message! {
     /// What a session is set to from here on.
     #[derive(Copy, Eq)]
     "teleclay_msgs/msg/Settings" Settings<'a> {
-        /// When.
+        /// Time of day.
         stamp: Time,
         /// Counts the changes of the session.
         revision: u64,

@@ -34,7 +34,7 @@ message! {
     /// When a measurement was taken, and in which frame it is meant.
     #[derive(Copy, Eq)]
     "std_msgs/msg/Header" Header<'a> {
-        /// When.
+        /// Time of day.
         stamp: Time,
         /// The frame, see [`crate::names`].
         frame_id: &'a str,
@@ -150,7 +150,7 @@ message! {
     "geometry_msgs/msg/PoseStamped" PoseStamped<'a> {
         /// When, and in which frame.
         header: Header<'a>,
-        /// Where.
+        /// Where it is.
         pose: Pose,
     }
 }
@@ -218,7 +218,7 @@ message! {
         header: Header<'a>,
         /// The frame that lies in it.
         child_frame_id: &'a str,
-        /// Where.
+        /// Where it lies.
         transform: Transform,
     }
 }
@@ -275,7 +275,7 @@ message! {
     /// How the parts are doing.
     #[derive(Eq)]
     "diagnostic_msgs/msg/DiagnosticArray" DiagnosticArray<'a> {
-        /// When.
+        /// Time of day.
         header: Header<'a>,
         /// One per part.
         status: Vec<DiagnosticStatus<'a>>,
@@ -286,7 +286,7 @@ message! {
     /// Asks for something to be on or off.
     #[derive(Copy, Eq)]
     "std_srvs/srv/SetBool_Request" SetBoolRequest {
-        /// On.
+        /// On, or off.
         data: bool,
     }
 }
