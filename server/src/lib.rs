@@ -9,6 +9,7 @@
 //! | [`network`] | Zenoh: frames, joining, slow state |
 //! | [`api`] | HTTP, WebSocket, OpenAPI, metrics, the dashboard |
 //! | [`past`] | `teleclay-server history` |
+//! | `ros2` | sessions as ROS 2 is told of them |
 //! | [`settings`] | defaults, file, environment, flags |
 
 pub mod api;
@@ -18,6 +19,7 @@ pub mod doors;
 mod engine;
 pub mod network;
 pub mod past;
+mod ros2;
 mod serve;
 mod session;
 pub mod settings;

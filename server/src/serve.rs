@@ -12,6 +12,7 @@ use teleclay_front::Security;
 use teleclay_keeping::Home;
 use teleclay_proto::SessionId;
 use teleclay_proto::http::{ClayShape, ClaySpec, NewSession, ToolDescription};
+use teleclay_ros2::Ros2;
 use teleclay_shell::Clock;
 use teleclay_shell::realtime::Realtime;
 use teleclay_shell::ticker::{Ticker, TickerConfig};
@@ -25,6 +26,7 @@ use crate::doors::command::Address;
 use crate::doors::{Doors, certificates};
 use crate::engine::{CAPACITIES, Engine, TICK};
 use crate::network::{Lines, Network, Sender};
+use crate::ros2::OnRos2;
 use crate::settings::Settings;
 use crate::statistics::LoopStats;
 
@@ -44,6 +46,7 @@ pub struct Server {
     pub page: String,
     directory: Directory,
     network: Network,
+    ros2: Option<Ros2>,
     follows: Option<JoinHandle<()>>,
     looks_after: JoinHandle<()>,
     // Field order is drop order: first the tick, then who empties its rings.
@@ -151,6 +154,10 @@ impl Server {
             "zenoh listens"
         );
 
+        let ros2 = settings
+            .ros2
+            .clone()
+            .map(|config| Ros2::start(config, OnRos2(directory.clone())));
         let page = tell_address(&settings, address, identity.as_ref())?;
         let router = api::router(
             directory.clone(),
@@ -161,6 +168,7 @@ impl Server {
                 node: settings.node,
                 version: env!("CARGO_PKG_VERSION").to_owned(),
                 started,
+                ros2: ros2.as_ref().map(|ros2| Arc::clone(ros2.status())),
             },
         );
         let (stop, mut stopped) = watch::channel(false);
@@ -184,6 +192,7 @@ impl Server {
             looks_after,
             directory,
             network,
+            ros2,
             ticker,
             _collector: collector,
             http,
@@ -208,6 +217,9 @@ impl Server {
         self.http.abort();
         self.follows.iter().for_each(JoinHandle::abort);
         self.looks_after.abort();
+        if let Some(ros2) = self.ros2 {
+            ros2.close().await;
+        }
         self.network.close().await;
         // No tick any more, so nothing more to keep.
         drop(self.ticker);

@@ -11,6 +11,7 @@ use figment::providers::{Env, Format as _, Serialized, Toml};
 use serde::{Deserialize, Serialize};
 use teleclay_offline::Offline;
 use teleclay_proto::{NodeName, RealmName};
+use teleclay_ros2::{Commands, Config as Ros2Config};
 use teleclay_shell::endpoint::{Endpoint, Protocol};
 use teleclay_shell::ticker::Scheduling;
 
@@ -80,6 +81,18 @@ pub struct Arguments {
     /// Speak in the clear beyond loopback: only where something else encrypts
     #[arg(long)]
     without_tls: bool,
+    /// Zenoh router of ROS 2, such as tcp/127.0.0.1:7447: sessions are told of there; without it nothing is
+    #[arg(long, value_name = "PROTOCOL/ADDRESS:PORT")]
+    ros2: Option<String>,
+    /// Domain of ROS 2, as ROS_DOMAIN_ID (default: 0)
+    #[arg(long, value_name = "NUMBER")]
+    ros2_domain: Option<u32>,
+    /// Let ROS 2 pause sessions, change their scheme and renew their clay: whoever reaches the router may
+    #[arg(long)]
+    ros2_commands: bool,
+    /// Let motion and forces go to a router beyond loopback in the clear
+    #[arg(long)]
+    ros2_in_the_clear: bool,
     /// Ask a running server on --listen whether it is healthy, and exit with 0 or 1
     #[arg(long)]
     pub health_check: bool,
@@ -129,6 +142,10 @@ struct Raw {
     tls_key: Option<PathBuf>,
     hosts: Vec<String>,
     without_tls: bool,
+    ros2: Option<String>,
+    ros2_domain: u32,
+    ros2_commands: bool,
+    ros2_in_the_clear: bool,
 }
 
 impl Default for Raw {
@@ -150,6 +167,10 @@ impl Default for Raw {
             tls_key: None,
             hosts: Vec::new(),
             without_tls: false,
+            ros2: None,
+            ros2_domain: 0,
+            ros2_commands: false,
+            ros2_in_the_clear: false,
         }
     }
 }
@@ -183,6 +204,8 @@ pub struct Settings {
     pub node: NodeName,
     /// Token that clients must show.
     pub token: Option<String>,
+    /// Where sessions are told of on ROS 2, if they are.
+    pub ros2: Option<Ros2Config>,
     /// Foreign origins that may use the API.
     pub allow_origins: Vec<String>,
     /// What to ask the scheduler for.
@@ -196,8 +219,11 @@ const LEAST_TOKEN: usize = 16;
 /// A spin as long as the tick would never sleep.
 const MOST_SPIN_US: u64 = 900;
 
+/// The last domain that every system of ROS 2 takes.
+const MOST_ROS2_DOMAIN: u32 = 232;
+
 /// Settings that a variable `TELECLAY_…` may give, beside the token.
-const FROM_ENVIRONMENT: [&str; 15] = [
+const FROM_ENVIRONMENT: [&str; 19] = [
     "listen",
     "zenoh_listen",
     "data_dir",
@@ -213,6 +239,10 @@ const FROM_ENVIRONMENT: [&str; 15] = [
     "tls_key",
     "hosts",
     "without_tls",
+    "ros2",
+    "ros2_domain",
+    "ros2_commands",
+    "ros2_in_the_clear",
 ];
 
 impl Settings {
@@ -264,6 +294,12 @@ impl Settings {
         }
         raw.hosts.splice(0..0, arguments.hosts.iter().cloned());
         raw.without_tls |= arguments.without_tls;
+        if arguments.ros2.is_some() {
+            raw.ros2.clone_from(&arguments.ros2);
+        }
+        raw.ros2_domain = arguments.ros2_domain.unwrap_or(raw.ros2_domain);
+        raw.ros2_commands |= arguments.ros2_commands;
+        raw.ros2_in_the_clear |= arguments.ros2_in_the_clear;
         raw.ephemeral |= arguments.ephemeral;
         if let Some(mib) = arguments.clay_memory {
             raw.clay_memory = mib;
@@ -309,6 +345,7 @@ impl Settings {
                 "`{host}` is no name or address of a host"
             );
         }
+        let ros2 = ros2(&raw)?;
         let certificate = match (raw.tls_cert, raw.tls_key) {
             (Some(chain), Some(key)) => Source::Given { chain, key },
             (None, None) => Source::Own,
@@ -333,6 +370,7 @@ impl Settings {
             realm: RealmName::new(raw.realm).context("realm")?,
             node: NodeName::new(raw.node).context("node")?,
             token: raw.token,
+            ros2,
             allow_origins: raw.allow_origins,
             scheduling: raw
                 .scheduling
@@ -341,6 +379,38 @@ impl Settings {
             spin: Duration::from_micros(raw.spin_us),
         })
     }
+}
+
+/// Where sessions are told of on ROS 2, if they are.
+fn ros2(raw: &Raw) -> anyhow::Result<Option<Ros2Config>> {
+    let Some(router) = &raw.ros2 else {
+        ensure!(
+            !raw.ros2_commands,
+            "ros2_commands lets ROS 2 ask for something, and no router is given: add --ros2 tcp/127.0.0.1:7447"
+        );
+        return Ok(None);
+    };
+    let router: Endpoint = router.parse().context("ros2")?;
+    ensure!(
+        router.is_loopback() || router.protocol.is_secure() || raw.ros2_in_the_clear,
+        "telling sessions to {router} would let everybody on the way read motion and forces: take tls or quic, or \
+         --ros2-in-the-clear where they may"
+    );
+    ensure!(
+        raw.ros2_domain <= MOST_ROS2_DOMAIN,
+        "ros2_domain is {}, want {MOST_ROS2_DOMAIN} at most",
+        raw.ros2_domain
+    );
+    Ok(Some(Ros2Config {
+        router: router.for_zenoh(),
+        domain: raw.ros2_domain,
+        node: format!("teleclay_{}", raw.node),
+        commands: if raw.ros2_commands {
+            Commands::Taken
+        } else {
+            Commands::Refused
+        },
+    }))
 }
 
 #[cfg(test)]
@@ -405,6 +475,27 @@ mod tests {
             raw.without_tls = true;
         };
         assert!(!proven(clear).unwrap().is_https);
+    }
+
+    #[test]
+    fn ros_2_hears_nothing_and_commands_nothing_unless_told_so() {
+        assert!(proven(|_| ()).unwrap().ros2.is_none());
+        let with = |router: &str, change: fn(&mut Raw)| {
+            proven(|raw| {
+                raw.ros2 = Some(router.to_owned());
+                change(raw);
+            })
+        };
+        let ros2 = with("tcp/127.0.0.1:7447", |_| ()).unwrap().ros2.unwrap();
+        assert_eq!((ros2.domain, ros2.commands), (0, Commands::Refused));
+        let commands = with("tcp/127.0.0.1:7447", |raw| raw.ros2_commands = true);
+        assert_eq!(commands.unwrap().ros2.unwrap().commands, Commands::Taken);
+        assert!(proven(|raw| raw.ros2_commands = true).is_err());
+        let said = with("tcp/192.0.2.7:7447", |_| ()).unwrap_err().to_string();
+        assert!(said.contains("--ros2-in-the-clear"), "{said}");
+        assert!(with("tcp/192.0.2.7:7447", |raw| raw.ros2_in_the_clear = true).is_ok());
+        assert!(with("tls/192.0.2.7:7447", |_| ()).is_ok());
+        assert!(with("tcp/127.0.0.1:7447", |raw| raw.ros2_domain = 233).is_err());
     }
 
     #[test]

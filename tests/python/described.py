@@ -301,12 +301,12 @@ def with_damage(program, session):
 
 
 @contextlib.contextmanager
-def running(program, **environment):
-    """A server on ports of its own, until the end."""
+def running(program, said=None, **environment):
+    """A server on ports of its own, until the end; what it says goes into a file, where one is given."""
     port = next(port for port in range(20_000 + os.getpid() % 10_000, 32_000, 3) if all(is_free(port + n) for n in range(3)))
     address = f"127.0.0.1:{port}"
     kept = {name: value for name, value in os.environ.items() if not name.startswith("TELECLAY_")}
-    with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryFile() as said:
+    with tempfile.TemporaryDirectory() as folder, contextlib.nullcontext(said) if said else tempfile.TemporaryFile() as said:
         arguments = ["--listen", address, "--zenoh-listen", f"tcp/127.0.0.1:{port + 1}"]
         environment = {"TELECLAY_DATA_DIR": folder} | environment
         server = subprocess.Popen([program, *arguments], env=kept | environment, stdout=said, stderr=said)

@@ -117,6 +117,7 @@ fn settings(ports: Ports, data_dir: std::path::PathBuf) -> Settings {
         realm: RealmName::new("local").unwrap(),
         node: NodeName::new("local").unwrap(),
         token: None,
+        ros2: None,
         allow_origins: Vec::new(),
         scheduling: Scheduling::Normal,
         spin: Duration::ZERO,

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use teleclay_proto::NodeName;
+use teleclay_ros2::Status;
 
 use crate::doors::Doors;
 
@@ -26,4 +27,6 @@ pub struct ApiConfig {
     pub version: String,
     /// When the process started.
     pub started: Instant,
+    /// How it goes on ROS 2, where sessions are told of there.
+    pub ros2: Option<Arc<Status>>,
 }

@@ -159,6 +159,13 @@ fn write_server(api: &Api) {
     counter!("teleclay_stream_sent_bytes_total").absolute(counts.sent_bytes());
     counter!("teleclay_stream_dropped_samples_total").absolute(counts.dropped());
     counter!("teleclay_stream_forgotten_frames_total").absolute(counts.forgotten());
+
+    if let Some(ros2) = &config.ros2 {
+        gauge!("teleclay_ros2_router_up").set(one_if(ros2.router_is_up()));
+        gauge!("teleclay_ros2_mismatched_ends").set(ros2.strangers() as f64);
+        counter!("teleclay_ros2_messages_total").absolute(ros2.messages());
+        counter!("teleclay_ros2_missed_samples_total").absolute(ros2.missed());
+    }
 }
 
 fn write_session(session: &Session) {
@@ -260,6 +267,16 @@ const GAUGES: &[(&str, Unit, &str)] = &[
         Unit::Count,
         "1 when the Zenoh session is open",
     ),
+    (
+        "teleclay_ros2_router_up",
+        Unit::Count,
+        "1 when the Zenoh router of ROS 2 is connected; only there with --ros2",
+    ),
+    (
+        "teleclay_ros2_mismatched_ends",
+        Unit::Count,
+        "Ends of ROS 2 that have a topic or service of this server with another type or hash, so that neither hears the other",
+    ),
     ("teleclay_watchers", Unit::Count, "Streams that are open"),
     (
         "teleclay_watchers_limit",
@@ -320,6 +337,11 @@ const GAUGES: &[(&str, Unit, &str)] = &[
 
 /// Name and meaning of each counter.
 const COUNTERS: &[(&str, &str)] = &[
+    ("teleclay_ros2_messages_total", "Messages told to ROS 2"),
+    (
+        "teleclay_ros2_missed_samples_total",
+        "Samples that came faster than ROS 2 was told of them",
+    ),
     ("teleclay_http_requests_total", "Requests answered"),
     (
         "teleclay_streams_ended_total",

@@ -147,6 +147,11 @@ impl Live {
         &self.shared.id
     }
 
+    /// What tells it from a session that had the name before.
+    pub(crate) fn number(&self) -> u32 {
+        self.shared.number
+    }
+
     /// The watchers' copy of the clay.
     pub fn clay(&self) -> ClayView {
         ClayView {
@@ -254,7 +259,7 @@ impl Live {
     }
 
     /// What the session was told to be.
-    pub(super) fn settings(&self) -> Settings {
+    pub(crate) fn settings(&self) -> Settings {
         Settings::clone(&self.shared.snapshot().settings)
     }
 

@@ -68,6 +68,7 @@ impl Rig {
             clay_bytes: 4 << 30,
             node: NodeName::new("api-tests").unwrap(),
             token: None,
+            ros2: None,
             allow_origins: Vec::new(),
             scheduling: Scheduling::Normal,
             spin: Duration::ZERO,
@@ -93,6 +94,7 @@ impl Rig {
             node: NodeName::new("api-tests").unwrap(),
             version: "9.8.7".to_owned(),
             started: Instant::now(),
+            ros2: None,
         };
         change(&mut config);
         let router = api::router(self.directory().clone(), config);

@@ -1,7 +1,7 @@
 //! The rooms, and which of them each one uses.
 
 /// Which rooms each room uses, tests of it included: exactly these.
-pub(crate) const USES: [(&str, &[&str]); 31] = [
+pub(crate) const USES: [(&str, &[&str]); 33] = [
     ("control", &[]),
     ("kinematics", &[]),
     ("clay", &[]),
@@ -11,8 +11,10 @@ pub(crate) const USES: [(&str, &[&str]); 31] = [
     ("seal", &[]),
     ("channel", &["seal"]),
     ("journal", &[]),
+    ("ros", &[]),
     ("rules", &[]),
     ("wire", &[]),
+    ("ros2", &["ros", "wire"]),
     ("proto", &["wire"]),
     ("doors", &["channel", "proto"]),
     ("front", &["doors"]),
@@ -95,6 +97,7 @@ pub(crate) const USES: [(&str, &[&str]); 31] = [
             "offline",
             "pointer",
             "proto",
+            "ros2",
             "session",
             "shell",
             "theory",

@@ -156,8 +156,8 @@ fn doctest() -> Result<()> {
     cargo_with("test --release --workspace --locked --doc")
 }
 
-/// Other people's mathematics about the same loops, robots, plants and experiments; and other people's reading of the
-/// interface's schemas.
+/// Other people's mathematics about the same loops, robots, plants and experiments, other people's ROS 2 messages, and
+/// other people's reading of the interface's schemas.
 fn python_step() -> Result<()> {
     python::install()?;
     // Of the whole workspace, so that nothing is compiled again with other features.
@@ -168,8 +168,13 @@ fn python_step() -> Result<()> {
         script
     };
     run(script("references.py").arg(root()))?;
+    run(script("ros_messages.py").arg(root()))?;
     run(script("python_control.py").arg(program("examples/analyse_loops")))?;
     run(script("exact_loops.py").arg(program("examples/analyse_loops")))?;
+    run(script("ros2.py")
+        .arg(root())
+        .arg(program("teleclay-server"))
+        .arg(program("teleclay-handle")))?;
     run(script("interface.py").arg(program("teleclay-server")))
 }
 

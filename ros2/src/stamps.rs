@@ -1,0 +1,71 @@
+//! The session's own time as the time of day. Ticks are evenly spaced and news of them is not: a stamp follows the
+//! tick, and the two clocks are laid over one another at the fastest news so far.
+
+use teleclay_ros::standard::Time;
+
+/// Clocks that lie further apart are laid over one another anew: one of them was set, or the loop stood still.
+const APART_NS: i128 = 200_000_000;
+const NS_PER_S: f64 = 1e9;
+
+/// Stamps of one session.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Stamps {
+    /// Time of day less the session's own, ns, once there was news.
+    offset_ns: Option<i128>,
+}
+
+impl Stamps {
+    /// The time of day at the session's `time_s`, of which news came at `now_ns` since 1970.
+    pub(crate) fn stamp(&mut self, time_s: f64, now_ns: u64) -> Time {
+        let own_ns = (time_s * NS_PER_S).round() as i128;
+        let seen_ns = i128::from(now_ns) - own_ns;
+        let offset_ns = match self.offset_ns {
+            Some(best_ns) if seen_ns < best_ns || best_ns + APART_NS < seen_ns => seen_ns,
+            Some(best_ns) => best_ns,
+            None => seen_ns,
+        };
+        self.offset_ns = Some(offset_ns);
+        Time::from_ns(u64::try_from(own_ns + offset_ns).unwrap_or(0))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const DAY_NS: u64 = 1_700_000_000_000_000_000;
+
+    fn ns(time: Time) -> u64 {
+        time.sec as u64 * 1_000_000_000 + u64::from(time.nanosec)
+    }
+
+    #[test]
+    fn stamps_are_as_even_as_the_ticks_however_late_the_news() {
+        let mut stamps = Stamps::default();
+        // News is late by up to 9 ms, in a pattern; the first is late, too.
+        let stamped: Vec<u64> = (0..500_u64)
+            .map(|tick| {
+                let late_ns = [7, 3, 9, 0, 5][tick as usize % 5] * 1_000_000;
+                ns(stamps.stamp(tick as f64 * 0.004, DAY_NS + tick * 4_000_000 + late_ns))
+            })
+            .collect();
+        for pair in stamped[5..].windows(2) {
+            assert_eq!(pair[1] - pair[0], 4_000_000);
+        }
+        assert_eq!(stamped[5], DAY_NS + 5 * 4_000_000, "no later than it was");
+    }
+
+    #[test]
+    fn a_clock_that_was_set_is_followed() {
+        let mut stamps = Stamps::default();
+        stamps.stamp(1.0, DAY_NS);
+        let hour_ns = 3_600_000_000_000;
+        assert_eq!(ns(stamps.stamp(1.0, DAY_NS + hour_ns)), DAY_NS + hour_ns);
+        assert_eq!(ns(stamps.stamp(1.0, DAY_NS - hour_ns)), DAY_NS - hour_ns);
+    }
+
+    #[test]
+    fn a_time_before_1970_is_1970() {
+        assert_eq!(Stamps::default().stamp(5.0, 0), Time::from_ns(0));
+    }
+}
