@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 use teleclay_offline::Offline;
 use teleclay_proto::{NodeName, RealmName};
 use teleclay_shell::endpoint::{Endpoint, Protocol};
+use teleclay_shell::log::LogFormat;
 use teleclay_shell::ticker::Scheduling;
 
 use crate::doors::certificates::{self, Source};
@@ -80,6 +81,9 @@ pub struct Arguments {
     /// Speak in the clear beyond loopback: only where something else encrypts
     #[arg(long)]
     without_tls: bool,
+    /// How the log is written on standard error: text or json (default: text)
+    #[arg(long)]
+    log_format: Option<LogFormat>,
     /// Ask a running server on --listen whether it is healthy, and exit with 0 or 1
     #[arg(long)]
     pub health_check: bool,
@@ -129,6 +133,7 @@ struct Raw {
     tls_key: Option<PathBuf>,
     hosts: Vec<String>,
     without_tls: bool,
+    log_format: String,
 }
 
 impl Default for Raw {
@@ -150,6 +155,7 @@ impl Default for Raw {
             tls_key: None,
             hosts: Vec::new(),
             without_tls: false,
+            log_format: LogFormat::default().to_string(),
         }
     }
 }
@@ -189,6 +195,8 @@ pub struct Settings {
     pub scheduling: Scheduling,
     /// Spun part of each wait.
     pub spin: Duration,
+    /// How the log is written.
+    pub log_format: LogFormat,
 }
 
 /// Shorter tokens can be guessed.
@@ -197,7 +205,7 @@ const LEAST_TOKEN: usize = 16;
 const MOST_SPIN_US: u64 = 900;
 
 /// Settings that a variable `TELECLAY_…` may give, beside the token.
-const FROM_ENVIRONMENT: [&str; 15] = [
+const FROM_ENVIRONMENT: [&str; 16] = [
     "listen",
     "zenoh_listen",
     "data_dir",
@@ -213,6 +221,7 @@ const FROM_ENVIRONMENT: [&str; 15] = [
     "tls_key",
     "hosts",
     "without_tls",
+    "log_format",
 ];
 
 impl Settings {
@@ -254,6 +263,9 @@ impl Settings {
         }
         if let Some(scheduling) = arguments.scheduling {
             raw.scheduling = scheduling.to_string();
+        }
+        if let Some(format) = arguments.log_format {
+            raw.log_format = format.to_string();
         }
         if let Some(spin_us) = arguments.spin_us {
             raw.spin_us = spin_us;
@@ -339,6 +351,10 @@ impl Settings {
                 .parse()
                 .map_err(|error: String| anyhow::anyhow!(error))?,
             spin: Duration::from_micros(raw.spin_us),
+            log_format: raw
+                .log_format
+                .parse()
+                .map_err(|error: String| anyhow::anyhow!(error))?,
         })
     }
 }

@@ -1,7 +1,7 @@
 //! The rooms, and which of them each one uses.
 
 /// Which rooms each room uses, tests of it included: exactly these.
-pub(crate) const USES: [(&str, &[&str]); 32] = [
+pub(crate) const USES: [(&str, &[&str]); 33] = [
     ("control", &[]),
     ("kinematics", &[]),
     ("clay", &[]),
@@ -15,6 +15,7 @@ pub(crate) const USES: [(&str, &[&str]); 32] = [
     ("rules", &[]),
     ("wire", &[]),
     ("proto", &["wire"]),
+    ("foxglove", &[]),
     ("doors", &["channel", "proto"]),
     ("front", &["doors"]),
     ("page", &["clay", "control", "kinematics", "wire"]),
@@ -88,6 +89,7 @@ pub(crate) const USES: [(&str, &[&str]); 32] = [
             "clay",
             "control",
             "doors",
+            "foxglove",
             "front",
             "history",
             "keeping",
@@ -96,6 +98,7 @@ pub(crate) const USES: [(&str, &[&str]); 32] = [
             "offline",
             "pointer",
             "proto",
+            "ros",
             "session",
             "shell",
             "theory",
