@@ -1,6 +1,6 @@
 //! What both programs need around their pure loop: a monotonic clock, a 1 kHz thread on absolute deadlines, the rings
-//! between such a thread and everybody else, Zenoh sessions that open nothing they were not told to open, the certificates
-//! that some of them show, and the log.
+//! between such a thread and everybody else, Zenoh sessions that open nothing they were not told to open, the
+//! certificates that some of them show, and the log.
 
 pub mod certificate;
 mod clock;

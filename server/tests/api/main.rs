@@ -5,6 +5,7 @@ mod bodies;
 mod burdens;
 mod calls;
 mod connection;
+mod dashboards;
 mod description;
 mod ending;
 mod foxglove;

@@ -4,8 +4,8 @@
 /// system's clock was set.
 const JUMP_NS: i128 = 200_000_000;
 
-/// How the time of a session lies in that since 1970. A sample is observed a while after it was taken, never before: the
-/// least of what is observed is the best guess, and the stamps of a topic stay evenly spaced.
+/// How the time of a session lies in that since 1970. A sample is observed a while after it was taken, never before:
+/// the least of what is observed is the best guess, and the stamps of a topic stay evenly spaced.
 #[derive(Debug, Default)]
 pub(super) struct SessionClock {
     began_ns: Option<i128>,

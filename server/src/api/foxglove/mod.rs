@@ -10,8 +10,8 @@
 //! | [`clock`] | when a sample was, by everybody's clock |
 //! | [`trail`] | how far behind a client is |
 //!
-//! The protocol and what waits for a client are [`teleclay_foxglove`]'s, the messages [`teleclay_ros`]'s. Tokens, origins
-//! and places are those of the streams of sessions; whoever was invited to a session sees that one.
+//! The protocol and what waits for a client are [`teleclay_foxglove`]'s, the messages [`teleclay_ros`]'s. Tokens,
+//! origins and places are those of the streams of sessions; whoever was invited to a session sees that one.
 
 mod clock;
 mod followed;
@@ -46,8 +46,8 @@ use crate::doors::Pass;
 /// Longest message to a client, bytes: a description of 32 channels.
 const MAX_OUTGOING: usize = 512 * 1024;
 
-/// The call of this module. It is not described beside those of `/api/v1`: the protocol is somebody else's, and described
-/// there.
+/// The call of this module. It is not described beside those of `/api/v1`: the protocol is somebody else's, and
+/// described there.
 pub(crate) fn routes() -> Router<Api> {
     Router::new().route("/foxglove", get(open))
 }

@@ -11,8 +11,8 @@
 //! | [`telemetry`] | samples into batches |
 //!
 //! Nothing queues for a watcher. Telemetry waits in a ring of fixed length that forgets its oldest, bricks wait in the
-//! clay itself, state is read when it is sent, and one message at a time is on its way. What holds for every socket stands
-//! in [`socket`](super::socket).
+//! clay itself, state is read when it is sent, and one message at a time is on its way. What holds for every socket
+//! stands in [`socket`](super::socket).
 
 mod answer;
 mod bricks;
