@@ -147,10 +147,7 @@ impl<'a> Told<'a> {
             },
         };
         let tool_m = self.sample.tool_position_m.map(f64::from);
-        [
-            at(&frames.tool, tool_m),
-            at(&frames.handle, home_m),
-        ]
+        [at(&frames.tool, tool_m), at(&frames.handle, home_m)]
     }
 
     fn stamp(&self) -> Time {

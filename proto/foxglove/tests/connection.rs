@@ -207,7 +207,7 @@ fn samples_come_at_the_rate_that_was_asked_for_on_each_topic() {
     assert_eq!(client.connection.take_left_out(), 0);
 }
 
-/// Ten seconds without a reader: what waits is the last tenth of a second, and all that has happened.
+/// Ten seconds without a reader: what waits is the last quarter of a second, and all that has happened.
 #[test]
 fn after_a_stall_there_is_no_flood_and_no_state_is_missing() {
     let mut client = Client::subscribed_at(100.0);
@@ -222,16 +222,16 @@ fn after_a_stall_there_is_no_flood_and_no_state_is_missing() {
         .collect();
     assert_eq!(events, (0..250).collect::<Vec<u8>>());
     let times_ns = client.read_samples(10);
-    assert_eq!(times_ns.len(), 10);
+    assert_eq!(times_ns.len(), 25);
     let now_ns = client.sample * PERIOD_NS;
     assert!(
         times_ns
             .iter()
-            .all(|time_ns| now_ns - time_ns <= 110_000_000),
+            .all(|time_ns| now_ns - time_ns <= 260_000_000),
         "{times_ns:?}"
     );
     assert!(times_ns.is_sorted());
-    assert_eq!(client.connection.take_left_out(), 2 * (1000 - 10));
+    assert_eq!(client.connection.take_left_out(), 2 * (1000 - 25));
     // It goes on as before.
     client.run_s(0.1);
     assert_eq!(client.read_samples(10).len(), 10);

@@ -36,10 +36,10 @@ impl Rate {
         self.0
     }
 
-    /// Samples that wait for a client at most: a tenth of a second's, which is what a client may be late by without
-    /// noticing. What is older is of no use to whoever looks at what happens.
+    /// Samples that wait for a client at most: those of a quarter of a second, which a busy machine may be late by. What
+    /// is older is of no use to whoever looks at what happens.
     pub(super) fn waiting(self) -> usize {
-        (self.0 / 10.0).ceil() as usize
+        (self.0 / 4.0).ceil() as usize
     }
 }
 
@@ -114,7 +114,7 @@ mod tests {
             let said = Rate::new(hz).unwrap_err().to_string();
             assert!(said.contains("250 Hz"), "{said}");
         }
-        assert_eq!(Rate::MOST.waiting(), 25);
+        assert_eq!(Rate::MOST.waiting(), 63);
         assert_eq!(Rate::new(0.1).unwrap().waiting(), 1);
     }
 }
