@@ -1,5 +1,5 @@
-// The Foxglove protocol as its own client speaks it, and the messages as Foxglove's own reader reads them. Neither knows
-// anything of this project.
+// The Foxglove protocol as its own client speaks it, and the messages as Foxglove's own reader reads them. Neither
+// knows anything of this project.
 
 import { parse } from "@foxglove/rosmsg";
 import { MessageReader, MessageWriter } from "@foxglove/rosmsg2-serialization";

@@ -7,8 +7,8 @@ use anyhow::{Context, Result, ensure};
 use crate::process::{answer, command};
 use crate::workspace::{root, target};
 
-/// The most that `systemd-analyze security` may find exposed, of a hundred: what a server needs that is reached over the
-/// network.
+/// The most that `systemd-analyze security` may find exposed, of a hundred: what a server needs that is reached over
+/// the network.
 const MOST_EXPOSED: &str = "25";
 
 /// Has the unit judged, where systemd is here.

@@ -36,8 +36,8 @@ impl Rate {
         self.0
     }
 
-    /// Samples that wait for a client at most: those of a quarter of a second, which a busy machine may be late by. What
-    /// is older is of no use to whoever looks at what happens.
+    /// Samples that wait for a client at most: those of a quarter of a second, which a busy machine may be late by.
+    /// What is older is of no use to whoever looks at what happens.
     pub(super) fn waiting(self) -> usize {
         (self.0 / 4.0).ceil() as usize
     }
