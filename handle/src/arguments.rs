@@ -11,6 +11,7 @@ use teleclay_proto::invite::{Fingerprint, InviteLine};
 use teleclay_proto::{RealmName, SessionId};
 use teleclay_shell::Drift;
 use teleclay_shell::endpoint::{Endpoint, EndpointError, FORM};
+use teleclay_shell::log::LogFormat;
 use teleclay_shell::ticker::Scheduling;
 
 use crate::device::{DeviceChoice, DeviceKind};
@@ -115,6 +116,9 @@ pub struct Arguments {
         default_value = "info,zenoh=off"
     )]
     pub log: String,
+    /// How the log is written on standard error: text or json
+    #[arg(long, env = "TELECLAY_LOG_FORMAT", default_value_t)]
+    pub log_format: LogFormat,
 }
 
 /// The intents by name.

@@ -15,6 +15,7 @@ use teleclay_handle::recording::Recording;
 use teleclay_handle::run;
 use teleclay_handle::run::{Ending, Options, Until};
 use teleclay_handle::status::Status;
+use teleclay_shell::log::{self, LogFormat};
 use teleclay_shell::network;
 use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::mpsc::{self, UnboundedReceiver};
@@ -55,12 +56,15 @@ fn main() -> ExitCode {
             return ExitCode::from(USAGE);
         }
     };
-    tracing_subscriber::fmt()
-        .with_env_filter(filter)
-        .with_target(false)
-        .with_ansi(io::stderr().is_terminal())
-        .with_writer(io::stderr)
-        .init();
+    match arguments.log_format {
+        LogFormat::Text => tracing_subscriber::fmt()
+            .with_env_filter(filter)
+            .with_target(false)
+            .with_ansi(io::stderr().is_terminal())
+            .with_writer(io::stderr)
+            .init(),
+        LogFormat::Json => log::write_json(filter),
+    }
     // Zenoh has threads of its own; here are one for the run and one for the signals and what it tells.
     let runtime = tokio::runtime::Builder::new_multi_thread()
         .worker_threads(2)
@@ -106,7 +110,10 @@ async fn hold(arguments: Arguments, intent: Intent) -> ExitCode {
         }
     };
     let (events, emitted) = mpsc::unbounded_channel();
-    let printer = tokio::spawn(print(emitted, arguments.json, stop));
+    // People have typed its name, and need not read it in every line.
+    let session = (arguments.log_format == LogFormat::Json).then(|| arguments.session.to_string());
+    let told = session.clone();
+    let printer = tokio::spawn(print(emitted, arguments.json, stop, told));
     let kind = arguments.device.kind();
     let profile = arguments.profile();
     let opening = Opening {
@@ -152,14 +159,20 @@ async fn hold(arguments: Arguments, intent: Intent) -> ExitCode {
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
-            error!("{failure}");
+            error!(session, "{failure}");
             ExitCode::from(failure.exit_code())
         }
     }
 }
 
 /// Puts events where they belong: status lines to stdout, the rest to the log.
-async fn print(mut emitted: UnboundedReceiver<Event>, as_json: bool, stop: watch::Sender<bool>) {
+async fn print(
+    mut emitted: UnboundedReceiver<Event>,
+    as_json: bool,
+    stop: watch::Sender<bool>,
+    session: Option<String>,
+) {
+    let session = session.as_deref();
     while let Some(event) = emitted.recv().await {
         match event {
             Event::Status(status) if as_json => {
@@ -172,9 +185,9 @@ async fn print(mut emitted: UnboundedReceiver<Event>, as_json: bool, stop: watch
                 }
             }
             event => match event.weight() {
-                Weight::Warning => warn!("{event}"),
-                Weight::Notice => info!("{event}"),
-                Weight::Detail => debug!("{event}"),
+                Weight::Warning => warn!(session, "{event}"),
+                Weight::Notice => info!(session, "{event}"),
+                Weight::Detail => debug!(session, "{event}"),
             },
         }
     }

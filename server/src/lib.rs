@@ -8,6 +8,7 @@
 //! | [`directory`] | which sessions there are, and every way to change one |
 //! | [`network`] | Zenoh: frames, joining, slow state |
 //! | [`api`] | HTTP, WebSocket, OpenAPI, metrics, the dashboard |
+//! | `ros` | what a session tells, in ROS 2's words |
 //! | [`past`] | `teleclay-server history` |
 //! | `ros2` | sessions as ROS 2 is told of them |
 //! | [`settings`] | defaults, file, environment, flags |
@@ -20,6 +21,7 @@ mod engine;
 pub mod network;
 pub mod past;
 mod ros2;
+mod ros;
 mod serve;
 mod session;
 pub mod settings;

@@ -6,6 +6,7 @@ use std::process::ExitCode;
 use teleclay_front::check_health;
 use teleclay_server::api;
 use teleclay_server::settings::{Arguments, Aside, Settings};
+use teleclay_shell::log::{self, LogFormat};
 
 fn main() -> ExitCode {
     // Before any thread exists.
@@ -38,10 +39,13 @@ fn main() -> ExitCode {
             "info,zenoh=error,zenoh_link_commons::quic=warn,zenoh_link_tls=warn",
         )
     });
-    tracing_subscriber::fmt()
-        .with_env_filter(filter)
-        .with_writer(std::io::stderr)
-        .init();
+    match settings.log_format {
+        LogFormat::Text => tracing_subscriber::fmt()
+            .with_env_filter(filter)
+            .with_writer(std::io::stderr)
+            .init(),
+        LogFormat::Json => log::write_json(filter),
+    }
     let runtime = match tokio::runtime::Builder::new_multi_thread()
         .worker_threads(2)
         .enable_all()

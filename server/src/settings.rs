@@ -13,6 +13,7 @@ use teleclay_offline::Offline;
 use teleclay_proto::{NodeName, RealmName};
 use teleclay_ros2::{Commands, Config as Ros2Config};
 use teleclay_shell::endpoint::{Endpoint, Protocol};
+use teleclay_shell::log::LogFormat;
 use teleclay_shell::ticker::Scheduling;
 
 use crate::doors::certificates::{self, Source};
@@ -93,6 +94,9 @@ pub struct Arguments {
     /// Let motion and forces go to a router beyond loopback in the clear
     #[arg(long)]
     ros2_in_the_clear: bool,
+    /// How the log is written on standard error: text or json (default: text)
+    #[arg(long)]
+    log_format: Option<LogFormat>,
     /// Ask a running server on --listen whether it is healthy, and exit with 0 or 1
     #[arg(long)]
     pub health_check: bool,
@@ -146,6 +150,7 @@ struct Raw {
     ros2_domain: u32,
     ros2_commands: bool,
     ros2_in_the_clear: bool,
+    log_format: String,
 }
 
 impl Default for Raw {
@@ -171,6 +176,7 @@ impl Default for Raw {
             ros2_domain: 0,
             ros2_commands: false,
             ros2_in_the_clear: false,
+            log_format: LogFormat::default().to_string(),
         }
     }
 }
@@ -212,6 +218,8 @@ pub struct Settings {
     pub scheduling: Scheduling,
     /// Spun part of each wait.
     pub spin: Duration,
+    /// How the log is written.
+    pub log_format: LogFormat,
 }
 
 /// Shorter tokens can be guessed.
@@ -223,7 +231,7 @@ const MOST_SPIN_US: u64 = 900;
 const MOST_ROS2_DOMAIN: u32 = 232;
 
 /// Settings that a variable `TELECLAY_…` may give, beside the token.
-const FROM_ENVIRONMENT: [&str; 19] = [
+const FROM_ENVIRONMENT: [&str; 20] = [
     "listen",
     "zenoh_listen",
     "data_dir",
@@ -243,6 +251,7 @@ const FROM_ENVIRONMENT: [&str; 19] = [
     "ros2_domain",
     "ros2_commands",
     "ros2_in_the_clear",
+    "log_format",
 ];
 
 impl Settings {
@@ -284,6 +293,9 @@ impl Settings {
         }
         if let Some(scheduling) = arguments.scheduling {
             raw.scheduling = scheduling.to_string();
+        }
+        if let Some(format) = arguments.log_format {
+            raw.log_format = format.to_string();
         }
         if let Some(spin_us) = arguments.spin_us {
             raw.spin_us = spin_us;
@@ -377,6 +389,10 @@ impl Settings {
                 .parse()
                 .map_err(|error: String| anyhow::anyhow!(error))?,
             spin: Duration::from_micros(raw.spin_us),
+            log_format: raw
+                .log_format
+                .parse()
+                .map_err(|error: String| anyhow::anyhow!(error))?,
         })
     }
 }

@@ -266,3 +266,18 @@ mod platform {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::FIFO_PRIORITY;
+
+    /// A lower limit has the thread refused; a higher one gives more than is asked for.
+    #[test]
+    fn the_unit_for_systemd_lets_the_thread_have_its_priority() {
+        let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
+        let unit = std::fs::read_to_string(folder.join("../ops/teleclay-server.service")).unwrap();
+        let has = |line: &str| unit.lines().any(|has| has == line);
+        assert!(has(&format!("LimitRTPRIO={FIFO_PRIORITY}")));
+        assert!(has("RestrictRealtime=no"));
+    }
+}

@@ -23,6 +23,7 @@ use teleclay_server::doors::certificates::Source;
 use teleclay_server::settings::Settings;
 use teleclay_shell::Drift;
 use teleclay_shell::endpoint::Endpoint;
+use teleclay_shell::log::LogFormat;
 use teleclay_shell::ticker::Scheduling;
 use teleclay_tests::client::Client;
 use teleclay_tests::stage::{DEMO, Ports};
@@ -121,6 +122,7 @@ fn settings(ports: Ports, data_dir: std::path::PathBuf) -> Settings {
         allow_origins: Vec::new(),
         scheduling: Scheduling::Normal,
         spin: Duration::ZERO,
+        log_format: LogFormat::default(),
     }
 }
 

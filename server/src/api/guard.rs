@@ -117,6 +117,8 @@ impl<'a> Need<'a> {
         let about = match (first, rest) {
             // Those of whoever asks: the list leaves out the others.
             ("sessions", "") if reads => About::Nothing,
+            // Channels and services of those.
+            ("", "foxglove") if reads => About::Nothing,
             ("sessions", "") => About::Server,
             // It makes another one.
             ("sessions", rest) if rest.ends_with("/duplicate") => About::Server,
@@ -180,6 +182,14 @@ pub(crate) fn check_role(pass: &Pass, needed: Role) -> Result<(), Failure> {
         pass.role
     );
     Err(NOT_ALLOWED.because(words))
+}
+
+/// Whether a pass is good for a call of `/api/v1`, whatever way it is made.
+///
+/// # Errors
+/// It is not.
+pub(crate) fn check_call(pass: &Pass, method: &Method, path: &str) -> Result<(), Failure> {
+    Need::of(method, path).check(pass)
 }
 
 /// Tells browsers that pages of the configured origins may read answers; nothing when there are none.

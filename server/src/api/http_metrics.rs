@@ -26,6 +26,7 @@ pub(crate) struct Answered {
 pub(crate) struct HttpMetrics {
     answered: Mutex<BTreeMap<Answered, u64>>,
     watchers: Mutex<BTreeMap<SessionId, u64>>,
+    visitors: AtomicU64,
     ended: Mutex<BTreeMap<&'static str, u64>>,
     sent_bytes: AtomicU64,
     dropped: AtomicU64,
@@ -40,6 +41,11 @@ impl HttpMetrics {
     /// Watchers now, by session.
     pub(crate) fn watchers(&self) -> BTreeMap<SessionId, u64> {
         copy(&self.watchers)
+    }
+
+    /// Clients of Foxglove's protocol now.
+    pub(crate) fn visitors(&self) -> u64 {
+        self.visitors.load(Ordering::Relaxed)
     }
 
     /// Streams that have ended, by reason.
@@ -101,6 +107,22 @@ impl Drop for Watching {
                 watchers.remove(&self.session);
             }
         }
+    }
+}
+
+/// Counts one client of Foxglove's protocol for as long as it is there.
+pub(crate) struct Visiting(Api);
+
+impl Visiting {
+    pub(crate) fn begin(api: Api) -> Self {
+        api.metrics().visitors.fetch_add(1, Ordering::Relaxed);
+        Self(api)
+    }
+}
+
+impl Drop for Visiting {
+    fn drop(&mut self) {
+        self.0.metrics().visitors.fetch_sub(1, Ordering::Relaxed);
     }
 }
 

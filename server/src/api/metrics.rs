@@ -152,6 +152,7 @@ fn write_server(api: &Api) {
     for (session, count) in counts.watchers() {
         gauge!("teleclay_watchers", "session" => session.to_string()).set(count as f64);
     }
+    gauge!("teleclay_foxglove_clients").set(counts.visitors() as f64);
     gauge!("teleclay_watchers_limit").set(MAX_WATCHERS as f64);
     for (reason, count) in counts.ended() {
         counter!("teleclay_streams_ended_total", "reason" => reason).absolute(count);
@@ -246,6 +247,11 @@ const GAUGES: &[(&str, Unit, &str)] = &[
         "teleclay_build_info",
         Unit::Count,
         "1; the labels say what runs",
+    ),
+    (
+        "teleclay_foxglove_clients",
+        Unit::Count,
+        "Clients of Foxglove's protocol that are connected",
     ),
     (
         "teleclay_uptime_seconds",

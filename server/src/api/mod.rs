@@ -4,7 +4,8 @@
 //! |---|---|
 //! | [`sessions`], [`clay`], [`theory`] | the calls of `/api/v1` |
 //! | [`manners`] | who holds which tool, and the stop |
-//! | [`stream`] | the WebSocket |
+//! | [`stream`], [`foxglove`] | the WebSockets |
+//! | [`socket`] | what each of them is held to |
 //! | [`health`], [`metrics`] | probes |
 //! | [`openapi`], [`docs`] | the description of all of it, and the page to browse it |
 //! | [`dashboard`], [`pages`] | what browsers see at `/` |
@@ -21,6 +22,7 @@ mod clay;
 mod config;
 mod dashboard;
 mod docs;
+mod foxglove;
 mod guard;
 mod health;
 mod history;
@@ -32,6 +34,7 @@ mod openapi;
 mod pages;
 mod problem;
 mod sessions;
+mod socket;
 mod stream;
 mod theory;
 mod watchers;
@@ -97,14 +100,15 @@ const HEADERS: [(HeaderName, &str); 7] = [
 pub fn router(directory: Directory, config: ApiConfig) -> Router {
     let api = Api::new(directory, config);
     let token = from_fn_with_state(api.clone(), guard::require_token);
-    let guarded = |calls: OpenApiRouter<Api>| {
-        Router::from(calls)
+    let guarded = |calls: Router<Api>| {
+        calls
             .method_not_allowed_fallback(wrong_method)
             .layer(token.clone())
     };
     let router = Router::new()
-        .nest("/api/v1", guarded(calls_of_version_1()))
-        .merge(guarded(metrics::routes()))
+        .nest("/api/v1", guarded(calls_of_version_1().into()))
+        .merge(guarded(metrics::routes().into()))
+        .merge(guarded(foxglove::routes()))
         .merge(Router::from(open_calls()))
         .merge(docs::routes())
         .merge(pages::routes())

@@ -9,7 +9,7 @@ use teleclay_proto::SessionId;
 use teleclay_proto::http::{ClayReset, Session, SessionPatch};
 use teleclay_proto::join::{ClayDescription, Granted, JoinRequest, LoopParameters, RefusalCode};
 use teleclay_proto::watch::Level;
-use teleclay_session::{Command, Operator, Outcome, Prepared, Refusal, Rules, Settings};
+use teleclay_session::{Command, Operator, Outcome, Prepared, Refusal, Rules, Settings, Snapshot};
 use tokio::sync::broadcast;
 
 use super::Inner;
@@ -147,9 +147,14 @@ impl Live {
         &self.shared.id
     }
 
-    /// What tells it from a session that had the name before.
+    /// Tells it from others of the same name, before and after it.
     pub(crate) fn number(&self) -> u32 {
         self.shared.number
+    }
+
+    /// What its events have come to.
+    pub(crate) fn snapshot(&self) -> Snapshot {
+        self.shared.snapshot().clone()
     }
 
     /// The watchers' copy of the clay.

@@ -27,7 +27,7 @@ fn join(stream: &mut Stream, operator: &str) {
     stream.say(&json!({ "type": "join", "operator": operator, "device": device() }));
 }
 
-fn joined(stream: &mut Stream, operator: &str) -> ([u8; 64], Granted) {
+pub(crate) fn joined(stream: &mut Stream, operator: &str) -> ([u8; 64], Granted) {
     join(stream, operator);
     stream.until("a lease", |text| match text {
         ServerText::Granted { keys, granted } => Some((keys, *granted)),

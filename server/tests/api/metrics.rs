@@ -7,19 +7,19 @@ use std::process::{Command, Stdio};
 use crate::rig::shared;
 
 /// Where `promtool` is, when it is not on the path.
-const PROMTOOL: &str = "TELECLAY_PROMTOOL";
+pub(crate) const PROMTOOL: &str = "TELECLAY_PROMTOOL";
 
 /// One family of figures.
 #[derive(Debug, Default)]
-struct Family {
+pub(crate) struct Family {
     kind: String,
     help: String,
     /// Labels and value of each series.
-    series: Vec<(BTreeMap<String, String>, f64)>,
+    pub(crate) series: Vec<(BTreeMap<String, String>, f64)>,
 }
 
 /// Reads the text format, version 0.0.4, strictly.
-fn families(text: &str) -> BTreeMap<String, Family> {
+pub(crate) fn families(text: &str) -> BTreeMap<String, Family> {
     let mut families: BTreeMap<String, Family> = BTreeMap::new();
     let mut seen = BTreeSet::new();
     for line in text.lines().filter(|line| !line.is_empty()) {

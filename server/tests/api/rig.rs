@@ -18,6 +18,7 @@ use teleclay_server::doors::Doors;
 use teleclay_server::doors::certificates::Source;
 use teleclay_server::settings::Settings;
 use teleclay_server::{Server, api::bind};
+use teleclay_shell::log::LogFormat;
 use teleclay_shell::ticker::Scheduling;
 use tokio::runtime::Runtime;
 
@@ -72,6 +73,7 @@ impl Rig {
             allow_origins: Vec::new(),
             scheduling: Scheduling::Normal,
             spin: Duration::ZERO,
+            log_format: LogFormat::default(),
         };
         change(&mut settings);
         let server = runtime.block_on(Server::start(settings)).unwrap();

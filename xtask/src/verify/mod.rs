@@ -4,6 +4,7 @@ mod docker;
 mod golden;
 mod members;
 mod steps;
+mod unit;
 
 use std::time::{Duration, Instant};
 

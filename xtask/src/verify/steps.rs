@@ -3,7 +3,7 @@
 use anyhow::{Result, ensure};
 
 use super::members::members;
-use super::{docker, golden};
+use super::{docker, golden, unit};
 use teleclay_rules::{citations, imports, links, source, unused};
 
 use crate::dashboard::npm;
@@ -34,7 +34,7 @@ pub(super) const STEPS: [Step; 17] = [
     step("format", "Rust is formatted", format),
     step("source", "prose, files, imports and dependencies are as CONTRIBUTING says", source_step),
     step("links", "what documentation and comments point at is there", links_step),
-    step("docker", "image and compose file are sound", docker_step),
+    step("docker", "image, compose file and systemd unit are sound", docker_step),
     step("dashboard", "the dashboard's types, lints, unit tests and build", dashboard_step),
     step("clippy", "lints of all Rust code, tests too", clippy),
     step("rustdoc", "the documentation of the code builds, its links hold", rustdoc),
@@ -76,6 +76,7 @@ fn links_step() -> Result<()> {
 }
 
 fn docker_step() -> Result<()> {
+    unit::check()?;
     report("mistakes in docker/", docker::check()?)
 }
 

@@ -16,13 +16,13 @@ use teleclay_proto::watch::{FramesView, ServerText};
 use tokio::sync::mpsc::Sender;
 use tokio::time::{Duration, sleep};
 
-use super::MAX_INCOMING;
 use super::answer::{problem, told_of_change};
-use super::end::{End, end_of};
 use super::hand::Hearing;
 use super::operate::Asker;
 use crate::api::problem::{NO_LEASE, SYNTAX};
 use crate::api::see_through;
+use crate::api::socket::MAX_INCOMING;
+use crate::api::socket::end::{End, end_of};
 
 /// A hand that sends more than any loop does is looked at again so soon.
 const PAUSE: Duration = Duration::from_millis(5);

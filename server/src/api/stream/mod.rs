@@ -7,21 +7,17 @@
 //! | [`ear`] | what is heard meanwhile: frames of a hand, and a stop |
 //! | [`hand`], [`operate`] | a tool that is held on a socket, and what else operators ask |
 //! | [`answer`] | what is said to whoever has asked |
-//! | [`end`] | how it ends |
 //! | [`bricks`] | which bricks a watcher still lacks |
 //! | [`telemetry`] | samples into batches |
-//! | [`budget`] | what a watcher may cost |
 //!
 //! Nothing queues for a watcher. Telemetry waits in a ring of fixed length that forgets its oldest, bricks wait in the
-//! clay itself, state is read when it is sent, and one message at a time is on its way.
+//! clay itself, state is read when it is sent, and one message at a time is on its way. What holds for every socket
+//! stands in [`socket`](super::socket).
 
 mod answer;
 mod bricks;
-mod budget;
 mod ear;
-mod end;
 mod hand;
-mod heartbeat;
 mod operate;
 mod telemetry;
 mod watcher;
@@ -32,7 +28,7 @@ use axum::Extension;
 use axum::extract::State;
 use axum::extract::WebSocketUpgrade;
 use axum::extract::ws::rejection::WebSocketUpgradeRejection;
-use axum::http::{HeaderMap, HeaderValue, header};
+use axum::http::HeaderMap;
 use axum::response::Response;
 use teleclay_front::Peer;
 use teleclay_proto::SUBPROTOCOL;
@@ -49,21 +45,13 @@ use super::problem::{
     Failure, HANDSHAKE, NO_SUCH_SESSION, PATH, SESSION_DAMAGED, SUBPROTOCOL as NO_SUBPROTOCOL,
     TOO_MANY_WATCHERS, UPGRADE,
 };
+use super::socket::{READ_BUFFER, WRITE_BUFFER, refuse_handshake};
 use super::watchers::MAX_WATCHERS_OF_ONE;
 use super::{Api, MAX_WATCHERS};
 use crate::doors::Pass;
 
-/// Longest message from a watcher, bytes. The longest that means something is a fresh stepped block.
-const MAX_INCOMING: usize = 16 * 1024;
-
 /// Longest message of a hand.
 const MAX_FROM_A_HAND: usize = MAX_FRAMES_MESSAGE;
-
-/// Read buffer of a socket: watchers say little.
-const READ_BUFFER: usize = 8 * 1024;
-
-/// Above this the socket is written to; a message is flushed anyway.
-const WRITE_BUFFER: usize = 16 * 1024;
 
 /// The call of this module, under `/api/v1`.
 pub(crate) fn routes() -> OpenApiRouter<Api> {
@@ -135,17 +123,4 @@ async fn watch(
             api.metrics().count_ended(end.word());
             drop((watching, place, from));
         }))
-}
-
-fn refuse_handshake(rejection: &WebSocketUpgradeRejection) -> Failure {
-    use WebSocketUpgradeRejection as Rejection;
-    let detail = rejection.body_text();
-    match rejection {
-        Rejection::InvalidConnectionHeader(_)
-        | Rejection::InvalidUpgradeHeader(_)
-        | Rejection::ConnectionNotUpgradable(_) => UPGRADE
-            .because(detail)
-            .with_header(header::UPGRADE, HeaderValue::from_static("websocket")),
-        _ => HANDSHAKE.because(detail),
-    }
 }

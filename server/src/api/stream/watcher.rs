@@ -4,8 +4,7 @@ use std::time::{Duration, Instant};
 
 use axum::body::Bytes;
 use axum::extract::ws::{Message, WebSocket};
-use futures_util::stream::SplitSink;
-use futures_util::{SinkExt as _, StreamExt as _};
+use futures_util::StreamExt as _;
 use teleclay_front::Peer;
 use teleclay_proto::invite::Role;
 use teleclay_proto::watch::{ClientText, Level, ServerText, Switch};
@@ -13,18 +12,19 @@ use teleclay_proto::{PROTOCOL, SessionId};
 use tokio::sync::broadcast;
 use tokio::sync::broadcast::error::RecvError;
 use tokio::sync::mpsc::{self, Receiver};
-use tokio::time::{MissedTickBehavior, interval, timeout};
+use tokio::time::{MissedTickBehavior, interval};
 
 use super::answer::{Answer, Change, problem, told};
 use super::bricks::Follower;
-use super::budget::Budget;
 use super::ear::{Ear, Heard, Shared};
-use super::end::End;
 use super::hand::{Hand, Hearing, due};
-use super::heartbeat::{Due, Heartbeat};
 use super::operate::{Asker, Work};
 use super::telemetry::Batcher;
 use crate::api::guard::check_role;
+use crate::api::socket::budget::Budget;
+use crate::api::socket::end::End;
+use crate::api::socket::heartbeat::{Due, Heartbeat};
+use crate::api::socket::{Mouth, hand_over, say_goodbye};
 use crate::api::{Api, see_through};
 use crate::directory::Live;
 use crate::doors::Pass;
@@ -39,20 +39,11 @@ const TICKS_PER_STATE: u32 = 5;
 /// Bytes of bricks that one tick may send, so that the clay is not held, nor telemetry kept waiting, for a keyframe.
 const BRICKS_PER_TICK: usize = 64 * 1024;
 
-/// A watcher that does not take a message within this is gone, or as good as gone.
-pub(super) const SEND_TIMEOUT: Duration = Duration::from_secs(10);
-
 /// What the audit log calls it.
 const CHANGE: &str = "change by stream";
 
 /// Texts that wait for their turn; while so many do, nothing more is read.
 const TEXTS_WAITING: usize = 16;
-
-/// How long a watcher may take to answer a close.
-const CLOSE_TIMEOUT: Duration = Duration::from_secs(1);
-
-/// Where messages go.
-type Mouth = SplitSink<WebSocket, Message>;
 
 /// Serves one socket.
 pub(super) struct Watcher {
@@ -129,19 +120,7 @@ impl Watcher {
             // Whoever cannot hear this cannot hear the close either.
             self.say(&mut mouth, &problem(failure)).await.ok();
         }
-        if let Some(close_frame) = end.close_frame() {
-            let goodbye = async {
-                let sent = mouth.send(Message::Close(Some(close_frame))).await;
-                // Where frames still begin and end where they should, the answer to the close can be told. The rest is
-                // the connection's to throw away, so that the reason is not lost with it.
-                while sent.is_ok()
-                    && !end.lost_the_thread()
-                    && matches!(ear.next().await, Some(Ok(_)))
-                {}
-            };
-            // Whoever does not answer has heard it, or never will.
-            timeout(CLOSE_TIMEOUT, goodbye).await.ok();
-        }
+        say_goodbye(&mut mouth, &mut ear, end).await;
         end
     }
 
@@ -413,14 +392,6 @@ impl Watcher {
         self.budget.spend(bytes);
         self.api.metrics().count_sent(bytes);
         hand_over(socket, message).await
-    }
-}
-
-async fn hand_over(socket: &mut Mouth, message: Message) -> Result<(), End> {
-    match timeout(SEND_TIMEOUT, socket.send(message)).await {
-        Ok(Ok(())) => Ok(()),
-        Ok(Err(_)) => Err(End::Lost),
-        Err(_) => Err(End::Slow),
     }
 }
 

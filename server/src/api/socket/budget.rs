@@ -10,7 +10,7 @@ const BURST_BYTES: f64 = BYTES_PER_S;
 
 /// Bytes that may still be sent. Bricks wait for it, and so do requests, whose answers are not small when they are
 /// many; the rest is small, is sent anyway, and is taken off.
-pub(super) struct Budget {
+pub(in crate::api) struct Budget {
     left_bytes: f64,
     refilled: Instant,
     /// A request has been heard in debt since the last refill.
@@ -18,7 +18,7 @@ pub(super) struct Budget {
 }
 
 impl Budget {
-    pub(super) fn full(now: Instant) -> Self {
+    pub(in crate::api) fn full(now: Instant) -> Self {
         Self {
             left_bytes: BURST_BYTES,
             refilled: now,
@@ -27,7 +27,7 @@ impl Budget {
     }
 
     /// Adds what the time since the last call is worth.
-    pub(super) fn refill(&mut self, now: Instant) {
+    pub(in crate::api) fn refill(&mut self, now: Instant) {
         let passed_s = now.duration_since(self.refilled).as_secs_f64();
         self.left_bytes = BURST_BYTES.min(self.left_bytes + BYTES_PER_S * passed_s);
         self.refilled = now;
@@ -36,21 +36,21 @@ impl Budget {
 
     /// Whether a request may be heard now: any number while there is something left, and in debt one from refill to
     /// refill, so that whoever is told much can still ask for a pause.
-    pub(super) fn may_hear(&self) -> bool {
+    pub(in crate::api) fn may_hear(&self) -> bool {
         0.0 < self.left_bytes || !self.has_heard
     }
 
     /// A request was heard.
-    pub(super) fn on_request(&mut self) {
+    pub(in crate::api) fn on_request(&mut self) {
         self.has_heard = self.left_bytes <= 0.0;
     }
 
-    pub(super) fn spend(&mut self, bytes: usize) {
+    pub(in crate::api) fn spend(&mut self, bytes: usize) {
         self.left_bytes = (-BURST_BYTES).max(self.left_bytes - bytes as f64);
     }
 
     /// Bytes that may be sent now.
-    pub(super) fn left_bytes(&self) -> usize {
+    pub(in crate::api) fn left_bytes(&self) -> usize {
         self.left_bytes.max(0.0) as usize
     }
 }

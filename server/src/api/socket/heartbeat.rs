@@ -9,7 +9,7 @@ const SILENT_AFTER: Duration = Duration::from_secs(25);
 
 /// What is due.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Due {
+pub(in crate::api) enum Due {
     Nothing,
     Ping,
     /// The watcher is gone.
@@ -18,13 +18,13 @@ pub(super) enum Due {
 
 /// The signs of life of one watcher.
 #[derive(Debug)]
-pub(super) struct Heartbeat {
+pub(in crate::api) struct Heartbeat {
     heard_at: Instant,
     pinged_at: Instant,
 }
 
 impl Heartbeat {
-    pub(super) fn new(now: Instant) -> Self {
+    pub(in crate::api) fn new(now: Instant) -> Self {
         Self {
             heard_at: now,
             pinged_at: now,
@@ -32,12 +32,12 @@ impl Heartbeat {
     }
 
     /// Anything came.
-    pub(super) fn on_heard(&mut self, now: Instant) {
+    pub(in crate::api) fn on_heard(&mut self, now: Instant) {
         self.heard_at = now;
     }
 
     /// What is due now.
-    pub(super) fn due(&mut self, now: Instant) -> Due {
+    pub(in crate::api) fn due(&mut self, now: Instant) -> Due {
         if SILENT_AFTER <= now.duration_since(self.heard_at) {
             return Due::Goodbye;
         }

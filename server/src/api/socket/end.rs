@@ -8,7 +8,7 @@ use crate::api::problem::{Failure, SYNTAX, TOO_LARGE};
 
 /// Why a stream has ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum End {
+pub(in crate::api) enum End {
     /// The watcher closed it.
     Left,
     /// The connection broke.
@@ -31,7 +31,7 @@ pub(super) enum End {
 
 impl End {
     /// What metrics and logs call it.
-    pub(super) const fn word(self) -> &'static str {
+    pub(in crate::api) const fn word(self) -> &'static str {
         match self {
             Self::Left => "left",
             Self::Lost => "lost",
@@ -46,12 +46,12 @@ impl End {
     }
 
     /// Whether what comes next may be the middle of a message.
-    pub(super) const fn lost_the_thread(self) -> bool {
+    pub(in crate::api) const fn lost_the_thread(self) -> bool {
         matches!(self, Self::TooLong | Self::Protocol)
     }
 
     /// What was wrong with the watcher's last message, when that ends the stream.
-    pub(super) fn problem(self) -> Option<Failure> {
+    pub(in crate::api) fn problem(self) -> Option<Failure> {
         match self {
             Self::TooLong => {
                 Some(TOO_LARGE.because(format!("the message has more than {MAX_INCOMING} bytes")))
@@ -68,7 +68,7 @@ impl End {
     }
 
     /// How the stream is closed to the watcher, when it can still hear.
-    pub(super) fn close_frame(self) -> Option<CloseFrame> {
+    pub(in crate::api) fn close_frame(self) -> Option<CloseFrame> {
         let (code, reason) = match self {
             Self::Left | Self::Lost => return None,
             Self::Slow => (4408, "messages were not read for ten seconds"),
@@ -86,7 +86,7 @@ impl End {
     }
 }
 
-pub(super) fn end_of(error: axum::Error) -> End {
+pub(in crate::api) fn end_of(error: axum::Error) -> End {
     use tungstenite::Error;
     let error = error.into_inner();
     match error.downcast_ref::<Error>() {
@@ -110,6 +110,6 @@ mod tests {
         let reason = End::TooLong.close_frame().unwrap().reason;
         assert!(reason.contains(&MAX_INCOMING.to_string()), "{reason}");
         let reason = End::Slow.close_frame().unwrap().reason;
-        assert!(reason.contains("ten") && super::super::watcher::SEND_TIMEOUT.as_secs() == 10);
+        assert!(reason.contains("ten") && super::super::SEND_TIMEOUT.as_secs() == 10);
     }
 }
