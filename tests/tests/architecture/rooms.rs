@@ -1,7 +1,7 @@
 //! The rooms, and which of them each one uses.
 
 /// Which rooms each room uses, tests of it included: exactly these.
-pub(crate) const USES: [(&str, &[&str]); 32] = [
+pub(crate) const USES: [(&str, &[&str]); 34] = [
     ("control", &[]),
     ("kinematics", &[]),
     ("clay", &[]),
@@ -71,6 +71,32 @@ pub(crate) const USES: [(&str, &[&str]); 32] = [
             "sim",
         ],
     ),
+    (
+        "recording",
+        &[
+            "bilateral",
+            "clay",
+            "history",
+            "link",
+            "proto",
+            "ros",
+            "session",
+        ],
+    ),
+    (
+        "replay",
+        &[
+            "bilateral",
+            "clay",
+            "history",
+            "link",
+            "operator",
+            "proto",
+            "recording",
+            "session",
+            "sim",
+        ],
+    ),
     ("theory", &["control", "kinematics", "proto", "sim"]),
     ("offline", &["control", "proto", "theory"]),
     (
@@ -96,6 +122,7 @@ pub(crate) const USES: [(&str, &[&str]); 32] = [
             "offline",
             "pointer",
             "proto",
+            "recording",
             "session",
             "shell",
             "theory",
