@@ -2,15 +2,22 @@
 
 mod rigs;
 
+use std::cell::RefCell;
+use std::ops::Range;
+use std::rc::Rc;
 use std::time::Duration;
 
 use rand_core::Rng as _;
 use rand_pcg::Pcg32;
-use rigs::{Recorded, SCHEMES, command, counts, line, rewritten};
+use rigs::{File, Recorded, SCHEMES, about, command, counts, line, rewritten, rig_of_two};
+use teleclay_link::time::Timestamp;
 use teleclay_proto::Scheme;
 use teleclay_proto::frame::{HandleFrame, MAX_FRAME};
+use teleclay_recording::{Feed, Scribe, Tap};
 use teleclay_replay::again::How;
 use teleclay_replay::verify::{Difference, Verdict, verify};
+use teleclay_session::{Event, Session};
+use teleclay_sim::rig::Ear;
 
 const SECOND: Duration = Duration::from_secs(1);
 
@@ -195,4 +202,52 @@ fn there_are_as_many_messages_as_ticks() {
             assert_eq!(counts.get(&name), Some(&ticks), "{name}");
         }
     }
+}
+
+/// Hears a rig, and lets what it heard wait from one tick to another.
+struct Stalling {
+    tap: Tap,
+    feed: Feed,
+    scribe: Rc<RefCell<Scribe<File>>>,
+    stalls: Range<u64>,
+}
+
+impl Ear for Stalling {
+    fn on_frame(&mut self, slot: usize, arrived: Timestamp, frame: &HandleFrame) {
+        self.tap.on_frame(slot, arrived, frame);
+    }
+
+    fn on_tick(&mut self, session: &mut Session, now: Timestamp, events: &[Event]) {
+        self.tap.on_tick(session, now, events.iter());
+        if !self.stalls.contains(&session.ticks()) {
+            let mut scribe = self.scribe.borrow_mut();
+            scribe.take_from(&mut self.feed, usize::MAX).unwrap();
+        }
+    }
+}
+
+/// A writer that stalls for so long that the ring is full: what was lost is counted, and what follows is whole again.
+#[test]
+fn what_finds_no_room_is_counted_and_the_rest_comes_out() {
+    let mut rig = rig_of_two(Scheme::ForceExchange);
+    let file = File::default();
+    let (tap, feed) = Tap::new(2, 1);
+    let scribe = Rc::new(RefCell::new(Scribe::new(file.clone(), about()).unwrap()));
+    rig.hear_with(Some(Box::new(Stalling {
+        tap,
+        feed,
+        scribe: Rc::clone(&scribe),
+        stalls: 500..12_000,
+    })));
+    rig.run_for(14 * SECOND);
+    drop(rig.hear_with(None));
+    scribe.borrow_mut().finish("the run is over").unwrap();
+    let counts = scribe.borrow().counts();
+    assert!(100 < counts.dropped, "{counts:?}");
+    let verdict = verify(&file.bytes()).unwrap();
+    assert!(verdict.is_good(), "{:?}", verdict.difference);
+    assert_eq!(verdict.gaps.len(), 1);
+    assert_eq!(verdict.gaps[0].dropped, counts.dropped);
+    assert!(verdict.gaps[0].to_tick < 12_100, "{:?}", verdict.gaps);
+    assert_eq!(verdict.hash, Some(rig.session_mut().clay_mut().hash()));
 }

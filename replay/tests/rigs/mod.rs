@@ -70,12 +70,7 @@ impl Recorded {
     fn of(mut rig: Rig) -> Self {
         let tools = rig.session().tools();
         let file = File::default();
-        let about = About {
-            session: "rig".to_owned(),
-            offset_ns: 0,
-            topics: None,
-        };
-        let studio = Studio::new(file.clone(), about, tools, 1).unwrap();
+        let studio = Studio::new(file.clone(), about(), tools, 1).unwrap();
         rig.hear_with(Some(Box::new(studio.clone())));
         // Until the block is copied.
         rig.run_for(Duration::from_millis(20));
@@ -96,6 +91,19 @@ impl Recorded {
         self.studio.finish(self.rig.session_mut()).unwrap();
         (self.file.bytes(), self.rig.session_mut().clay_mut().hash())
     }
+}
+
+pub(crate) fn about() -> About {
+    About {
+        session: "rig".to_owned(),
+        offset_ns: 0,
+        topics: None,
+    }
+}
+
+/// Two operators over a clean line.
+pub(crate) fn rig_of_two(scheme: Scheme) -> Rig {
+    rig(scheme, line(0, 0.0, 0.0), &[0.084])
 }
 
 fn rig(scheme: Scheme, line: Impairment, further_x_m: &[f64]) -> Rig {
