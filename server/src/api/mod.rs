@@ -31,6 +31,7 @@ mod metrics;
 mod openapi;
 mod pages;
 mod problem;
+mod recordings;
 mod sessions;
 mod stream;
 mod theory;
@@ -145,6 +146,7 @@ fn calls_of_version_1() -> OpenApiRouter<Api> {
         .merge(history::routes())
         .merge(import::routes())
         .merge(manners::routes())
+        .merge(recordings::routes())
         .merge(theory::routes())
         .merge(stream::routes())
 }

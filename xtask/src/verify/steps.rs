@@ -161,7 +161,7 @@ fn doctest() -> Result<()> {
 fn python_step() -> Result<()> {
     python::install()?;
     // Of the whole workspace, so that nothing is compiled again with other features.
-    cargo_with("build --release --workspace --locked --example analyse_loops")?;
+    cargo_with("build --release --workspace --locked --example analyse_loops --example record")?;
     let script = |name: &str| {
         let mut script = python::script("python");
         script.arg(root().join("tests/python").join(name));
@@ -171,6 +171,10 @@ fn python_step() -> Result<()> {
     run(script("ros_messages.py").arg(root()))?;
     run(script("python_control.py").arg(program("examples/analyse_loops")))?;
     run(script("exact_loops.py").arg(program("examples/analyse_loops")))?;
+    run(script("recordings.py")
+        .arg(program("examples/record"))
+        .arg(program("teleclay-replay"))
+        .arg(program("teleclay-server")))?;
     run(script("interface.py").arg(program("teleclay-server")))
 }
 
