@@ -19,6 +19,7 @@ use teleclay_link::time::Timestamp;
 use teleclay_proto::frame::{HandleFrame, ToolFrame};
 use teleclay_proto::http::{ClayShape, MAX_TOOLS};
 use teleclay_proto::watch::BRICK_VOXELS;
+use teleclay_recording::Tap;
 use teleclay_session::{Event, Outcome, Prepared, Refusal, Session};
 use teleclay_shell::realtime::{Capacities, Claim, Machine, Out, Timing};
 use tokio::sync::oneshot;
@@ -122,6 +123,8 @@ pub(crate) struct Running {
     session: Session,
     /// Writes its history, where one is kept.
     keeper: Option<Keeper>,
+    /// Records it, while somebody wants that.
+    tap: Option<Box<Tap>>,
     events: Outbox,
     frames_sent: u64,
     frames: Consumer<Incoming>,
@@ -146,6 +149,7 @@ impl Running {
             number,
             session,
             keeper,
+            tap: None,
             events: Outbox::default(),
             frames_sent: 0,
             frames: frames_out,
@@ -156,6 +160,12 @@ impl Running {
             bricks: bricks_out,
         };
         (Box::new(running), ends)
+    }
+
+    fn end_recording(&mut self) {
+        if let Some(tap) = &mut self.tap {
+            tap.end(&mut self.session);
+        }
     }
 }
 
@@ -195,6 +205,11 @@ pub(crate) enum Task {
         prepared: Prepared,
         /// For a fresh block: a copy of it, for the watchers.
         mirror: Option<Mirror>,
+    },
+    /// Records a session from now on, or no longer; afterwards what has recorded it so far.
+    Record {
+        session: u32,
+        tap: Option<Box<Tap>>,
     },
 }
 
@@ -278,6 +293,7 @@ impl Engine {
                 let Some(index) = numbers.position(|number| number == *session) else {
                     return Answer::Undone;
                 };
+                self.running[index].end_recording();
                 *removed = Some(self.running.swap_remove(index));
                 Answer::Done
             }
@@ -285,6 +301,14 @@ impl Engine {
                 session, prepared, ..
             } => match self.find(*session) {
                 Some(running) => Answer::Command(running.session.handle_command(now, prepared)),
+                None => Answer::Undone,
+            },
+            Task::Record { session, tap } => match self.find(*session) {
+                Some(running) => {
+                    running.end_recording();
+                    std::mem::swap(&mut running.tap, tap);
+                    Answer::Done
+                }
                 None => Answer::Undone,
             },
         }
@@ -314,6 +338,7 @@ impl Machine for Engine {
                 number,
                 session,
                 keeper,
+                tap,
                 events,
                 frames_sent,
                 frames,
@@ -323,7 +348,12 @@ impl Machine for Engine {
                 let arrived = Timestamp::from_nanos(incoming.arrived_ns).min(now);
                 session.handle_frame(arrived, incoming.slot, &incoming.frame);
             }
-            session.tick(now);
+            match tap {
+                Some(tap) => session.tick_heard(now, |slot, arrived, frame| {
+                    tap.on_frame(slot, arrived, frame);
+                }),
+                None => session.tick(now),
+            }
             while let Some((slot, frame)) = session.poll_transmit() {
                 leaves = true;
                 *frames_sent += 1;
@@ -337,6 +367,9 @@ impl Machine for Engine {
             // What orders have changed since the last tick is among these.
             {
                 let fresh = events.take_from(session);
+                if let Some(tap) = tap {
+                    tap.on_tick(session, now, fresh.clone());
+                }
                 if let Some(keeper) = keeper {
                     keeper.on_tick(session, fresh);
                 }

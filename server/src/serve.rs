@@ -12,6 +12,7 @@ use teleclay_front::Security;
 use teleclay_keeping::Home;
 use teleclay_proto::SessionId;
 use teleclay_proto::http::{ClayShape, ClaySpec, NewSession, ToolDescription};
+use teleclay_recording::Shelf;
 use teleclay_ros2::Ros2;
 use teleclay_shell::Clock;
 use teleclay_shell::realtime::Realtime;
@@ -111,6 +112,7 @@ impl Server {
             node: settings.node.clone(),
             doors: Arc::clone(&doors),
             home: open_home(&settings)?,
+            recordings: Arc::new(shelf(&settings)),
             clay_bytes: settings.clay_bytes,
             slow_endpoint: Some(settings.zenoh_slow.to_string()),
             clock,
@@ -225,7 +227,7 @@ impl Server {
         drop(self.ticker);
         let directory = self.directory.clone();
         // It fails only where the runtime ends.
-        let _ = tokio::task::spawn_blocking(move || directory.end_archives()).await;
+        let _ = tokio::task::spawn_blocking(move || directory.end_writing()).await;
         let doors = Arc::clone(self.directory.doors());
         // It fails only where the runtime ends.
         let _ = tokio::task::spawn_blocking(move || doors.settle(LAST_WORDS_WITHIN)).await;
@@ -276,6 +278,14 @@ fn open_home(settings: &Settings) -> anyhow::Result<Option<Arc<Home>>> {
     }
     let home = Home::open(&settings.data_dir).context("the sessions that are kept")?;
     Ok(Some(Arc::new(home)))
+}
+
+/// Where recordings lie: beside the sessions that are kept, or where the system has what is temporary.
+fn shelf(settings: &Settings) -> Shelf {
+    if settings.is_ephemeral {
+        return Shelf::temporary();
+    }
+    Shelf::lasting(settings.data_dir.join("recordings"))
 }
 
 /// Doors that are as wide as the settings say, and where it is written down who comes.

@@ -7,7 +7,7 @@ use teleclay_clay::Clay;
 use teleclay_keeping::Archive;
 use teleclay_proto::SessionId;
 use teleclay_proto::watch::{Level, TelemetrySample};
-use teleclay_session::{EventKind, Exchange, Release, RequestEnd, Settings, Snapshot};
+use teleclay_session::{EventKind, Release, Settings, Snapshot};
 use tokio::sync::broadcast;
 use tokio::sync::mpsc::UnboundedSender;
 
@@ -149,7 +149,7 @@ impl SessionShared {
     pub(crate) fn take_in(&self, event: &teleclay_session::Event) {
         let (words, farewell) = {
             let mut snapshot = self.snapshot();
-            let words = in_words(&event.kind, &snapshot);
+            let words = teleclay_session::in_words(&event.kind, &snapshot);
             let farewell = farewell(&event.kind, &snapshot);
             snapshot.apply(event);
             (words, farewell)
@@ -207,103 +207,6 @@ impl SessionShared {
     pub(crate) fn replace_mirror(&self, mirror: Mirror) {
         *self.mirror.lock().expect("no holder panics") = mirror;
     }
-}
-
-/// What people are told of an event that finds a session like this; nothing of changes that are seen in the session's
-/// state anyway.
-fn in_words(kind: &EventKind, before: &Snapshot) -> Option<(Level, String)> {
-    let operator = |slot: usize| {
-        let holder = before.tools[slot].holder.as_ref();
-        holder.map_or("the operator", |holder| &holder.operator.name)
-    };
-    Some(match kind {
-        EventKind::Changed { .. } | EventKind::Taken { .. } => return None,
-        EventKind::FreshBlock { .. } => (Level::Info, "a fresh block".to_owned()),
-        EventKind::Exchanged { exchange, .. } => (
-            Level::Info,
-            match exchange {
-                Exchange::Undone { .. } => "a stroke was undone".to_owned(),
-                Exchange::UndoneSince { .. } => "strokes were undone".to_owned(),
-                Exchange::Redone { .. } => "a stroke was redone".to_owned(),
-            },
-        ),
-        EventKind::Stopped { by, reason } => (
-            Level::Warning,
-            format!("{by} has stopped the session: {reason}"),
-        ),
-        EventKind::StopCleared { by } => (Level::Info, format!("{by} has cleared the stop")),
-        EventKind::Requested { slot, operator } => (
-            Level::Info,
-            format!("{operator} asks for tool {}", tool_id(*slot)),
-        ),
-        EventKind::RequestEnded {
-            slot,
-            operator,
-            because,
-        } => {
-            let why = match because {
-                RequestEnd::Denied { reason } => format!("was denied: {reason}"),
-                RequestEnd::Withdrawn => "was withdrawn".to_owned(),
-                RequestEnd::RanOut => "was not answered".to_owned(),
-            };
-            let tool = tool_id(*slot);
-            (
-                Level::Info,
-                format!("the request of {operator} for tool {tool} {why}"),
-            )
-        }
-        EventKind::ReservationEnded { slot, operator } => (
-            Level::Info,
-            format!("{operator} did not come: tool {} is free", tool_id(*slot)),
-        ),
-        EventKind::Released {
-            slot,
-            operator,
-            because: Release::HandedOver { to },
-            ..
-        } => (
-            Level::Info,
-            format!(
-                "{} handed tool {} over to {to}",
-                operator.name,
-                tool_id(*slot)
-            ),
-        ),
-        EventKind::Released {
-            slot,
-            operator,
-            because,
-            ..
-        } => (
-            Level::Info,
-            format!(
-                "{} {}: tool {} is free",
-                operator.name,
-                because.words(),
-                tool_id(*slot)
-            ),
-        ),
-        EventKind::Connected { slot } => (
-            Level::Info,
-            format!("{} holds tool {}", operator(*slot), tool_id(*slot)),
-        ),
-        EventKind::Disconnected { slot } => (
-            Level::Warning,
-            format!(
-                "no frame from {}: tool {} stopped",
-                operator(*slot),
-                tool_id(*slot)
-            ),
-        ),
-        EventKind::Fault { slot, fault } => (
-            Level::Error,
-            format!(
-                "{fault}, from {}: tool {} rests until somebody joins with it anew, or a fresh block",
-                operator(*slot),
-                tool_id(*slot)
-            ),
-        ),
-    })
 }
 
 /// What the holder of a tool is told whose lease has ended for a reason that it may not know: slot, lease and reason.

@@ -228,7 +228,7 @@ def pointer(*keys):
     return "".join("/" + key.replace("~", "~0").replace("/", "~1") for key in keys)
 
 
-AS_THINGS_STAND = {f"/problems/{word}" for word in ["nothing-there", "control", "not-stopped"]}
+AS_THINGS_STAND = {f"/problems/{word}" for word in ["nothing-there", "control", "not-stopped", "recording"]}
 
 
 class Stream:

@@ -93,6 +93,7 @@ def bodies_of(interface):
         ("POST", f"/api/v1/sessions/{one}/tools/1/withdraw", [{"operator": "Ada"}]),
         ("POST", f"/api/v1/sessions/{one}/tools/1/grant", [{"operator": "Ada"}]),
         ("POST", f"/api/v1/sessions/{one}/tools/1/deny", [{"operator": "Ada", "reason": "in a moment"}]),
+        ("POST", f"/api/v1/sessions/{one}/recordings", [{"name": "first", "rate_hz": 250, "topics": ["tool_pose", "felt_wrench"]}]),
         ("POST", f"/api/v1/sessions/{one}/duplicate", [{"id": "twin"}]),
         ("POST", "/api/v1/kinematics/inverse", [{"geometry": geometry, "position_m": place}]),
         ("POST", "/api/v1/kinematics/forward", [{"geometry": geometry, "joints_rad": [0.1, -0.2, 0.3]}]),
@@ -157,7 +158,7 @@ def check_statuses(interface):
     upgrade = {
         "Connection": "Upgrade", "Upgrade": "websocket", "Sec-WebSocket-Version": "13", "Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ==",
     }  # fmt: skip
-    calls = [(method, path.replace("{id}", one).replace("{tool}", "1"), operation) for path, method, operation in interface.operations()]
+    calls = [(method, path.replace("{id}", one).replace("{tool}", "1").replace("{recording}", "none.mcap"), operation) for path, method, operation in interface.operations()]
     # What goes wrong in the same way everywhere.
     for method, where, operation in calls:
         body = {"content": b"{"} if interface.takes_json(operation) else {}
@@ -198,6 +199,7 @@ def check_statuses(interface):
         interface.expect(interface.send("GET", f"{path}/clay.{ending}?at_s=-1"), {422})
     check_import(interface, path)
     check_manners(interface, one)
+    check_recordings(interface, one)
     stream = f"{path}/stream"
     interface.expect(interface.send("GET", stream), {426})
     interface.expect(interface.send("GET", stream, headers=upgrade), {400})
@@ -268,6 +270,23 @@ def check_manners(interface, one):
     interface.expect(interface.ask("POST", f"{path}/stop/clear", {"operator": "Ada"}), {409})
 
 
+def check_recordings(interface, one):
+    """A recording from its beginning to its end."""
+    path = f"/api/v1/sessions/{one}/recordings"
+    for method, where in [("POST", f"{path}/none/stop"), ("GET", f"{path}/none.mcap"), ("DELETE", f"{path}/none")]:
+        interface.expect(interface.send(method, where), {404})
+    interface.expect(interface.ask("POST", path, {"name": "first"}), {201})
+    interface.expect(interface.ask("POST", path, {"name": "second"}), {409})
+    interface.expect(interface.send("GET", path), {200})
+    interface.expect(interface.send("POST", f"{path}/first/stop"), {200})
+    answer = interface.send("GET", f"{path}/first.mcap")
+    interface.expect(answer, {200})
+    if not answer.body.startswith(b"\x89MCAP0\r\n") or not answer.body.endswith(b"\x89MCAP0\r\n"):
+        interface.faults.append("a recording that has ended is no whole MCAP file")
+    interface.expect(interface.ask("POST", path, {"name": "first"}), {409})
+    interface.expect(interface.send("DELETE", f"{path}/first"), {204})
+
+
 def check_import(interface, path):
     """A file in place of a body of JSON."""
     stl = interface.send("GET", f"{path}/clay.stl").body
@@ -286,7 +305,7 @@ def check_damaged(interface, damaged, bodies):
     if [session["state"] for session in json.loads(answer.body) if session["id"] == "hurt"] != ["damaged"]:
         interface.faults.append(f"the damaged session is listed as {answer.text}")
     asked = [(path, method) for path, method, _ in interface.operations() if "{id}" in path]
-    for path, method in sorted(asked, key=lambda call: call[1] == "delete"):
+    for path, method in sorted(asked, key=lambda call: call[1] == "delete" and call[0].endswith("{id}")):
         body = content.get(path) if method != "get" else None
         headers = {"Content-Type": "application/json"} if body else {}
         if path.endswith("/stream"):
@@ -294,8 +313,8 @@ def check_damaged(interface, damaged, bodies):
                 "Connection": "Upgrade", "Upgrade": "websocket", "Sec-WebSocket-Version": "13",
                 "Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ==", "Sec-WebSocket-Protocol": "teleclay.v1",
             }  # fmt: skip
-        answer = interface.send(method, path.replace("{id}", "hurt").replace("{tool}", "1"), content=body, headers=headers, address=damaged)
-        interface.expect(answer, {204} if method == "delete" else {409})
+        answer = interface.send(method, path.replace("{id}", "hurt").replace("{tool}", "1").replace("{recording}", "none"), content=body, headers=headers, address=damaged)
+        interface.expect(answer, {204} if method == "delete" and path.endswith("{id}") else {409})
 
 
 def check_token(interface, guarded):

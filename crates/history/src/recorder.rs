@@ -84,6 +84,25 @@ impl Recorder {
         Some(&self.record)
     }
 
+    /// What commands have changed since the last tick, as a record of that tick: of `events` those that were told
+    /// before this one. Whoever writes it gives [`record`](Self::record) the others, and can tell then what came before
+    /// the tick from what came in it.
+    pub fn between<'a>(
+        &mut self,
+        session: &Session,
+        events: impl Iterator<Item = &'a Event>,
+    ) -> Option<&[u8]> {
+        let tick = session.ticks();
+        let last_tick = self.last_tick;
+        self.start(tick.saturating_sub(1));
+        self.last_tick = last_tick;
+        let empty = self.record.len();
+        for event in events.filter(|event| event.tick < tick) {
+            self.put(event);
+        }
+        (empty < self.record.len()).then_some(&*self.record)
+    }
+
     fn put(&mut self, event: &Event) {
         if let EventKind::Taken { slot, .. } | EventKind::Released { slot, .. } = &event.kind
             && let Some(decided) = self.decided.get_mut(*slot)

@@ -4,7 +4,9 @@
 //! read.
 
 use teleclay_clay::Clay;
-use teleclay_session::{HolderSnapshot, Recovery, Rules, Snapshot, StopSnapshot, ToolSnapshot};
+use teleclay_session::{
+    HolderSnapshot, Recovery, Rules, Session, Settings, Snapshot, StopSnapshot, ToolSnapshot,
+};
 
 use crate::bytes::{Malformed, Reader, put_number, put_text};
 use crate::content;
@@ -50,30 +52,52 @@ impl State {
 
     /// The bytes of a snapshot.
     pub fn encode(&mut self) -> Vec<u8> {
-        let mut out = vec![VERSION];
+        let mut out = Vec::new();
         let state = &self.session;
-        for number in [
-            state.tick,
-            state.revision,
-            state.clay_epoch.into(),
-            state.ownership_epoch.into(),
-            self.next_lease.into(),
-        ] {
-            put_number(&mut out, number);
-        }
-        put_settings(&mut out, &state.settings);
-        put_number(&mut out, state.tools.len() as u64);
+        let numbers = Numbers {
+            tick: state.tick,
+            revision: state.revision,
+            small: [
+                state.clay_epoch,
+                state.ownership_epoch,
+                self.next_lease,
+                state.tools.len() as u32,
+            ],
+        };
+        put_numbers(&mut out, &numbers, &state.settings);
         for (slot, tool) in state.tools.iter().enumerate() {
-            put_number(
-                &mut out,
-                self.decided.get(slot).copied().unwrap_or(0).into(),
-            );
+            let decided = self.decided.get(slot).copied().unwrap_or(0);
+            put_number(&mut out, decided.into());
             put_tool(&mut out, slot, tool);
         }
         put_stop(&mut out, state.stop.as_ref());
         self.strokes.put(&mut out);
         content::encode(&mut self.clay, &mut out);
         out
+    }
+
+    /// Writes what comes before the clay in the [snapshot](State::encode) of a session as it is between two ticks.
+    /// Clay, as [`content`] writes it, completes that. Nothing is allocated where `out` has room. The session is not
+    /// asked for its strokes, since it knows none: `strokes` are those that the snapshot shall tell of.
+    pub fn encode_without_clay(session: &Session, strokes: &Strokes, out: &mut Vec<u8>) {
+        let numbers = Numbers {
+            tick: session.ticks(),
+            revision: session.revision(),
+            small: [
+                session.clay_epoch(),
+                session.ownership_epoch(),
+                session.next_lease(),
+                session.tools() as u32,
+            ],
+        };
+        put_numbers(out, &numbers, session.settings());
+        for slot in 0..session.tools() {
+            let decided = session.side(slot).map_or(0, |side| side.sweeps_decided());
+            put_number(out, decided.into());
+            put_tool(out, slot, &session.tool_but_for_requests(slot));
+        }
+        put_stop(out, session.held_stop());
+        strokes.put(out);
     }
 
     /// Reads a snapshot.
@@ -123,6 +147,30 @@ impl State {
             clay: content::decode(rest)?,
         })
     }
+}
+
+/// The counts at the head of a snapshot.
+struct Numbers {
+    tick: u64,
+    revision: u64,
+    /// The clay's epoch, the ownership epoch, the next lease, and behind the settings the count of tools.
+    small: [u32; 4],
+}
+
+fn put_numbers(out: &mut Vec<u8>, numbers: &Numbers, settings: &Settings) {
+    out.push(VERSION);
+    let [clay_epoch, ownership_epoch, next_lease, tools] = numbers.small.map(u64::from);
+    for number in [
+        numbers.tick,
+        numbers.revision,
+        clay_epoch,
+        ownership_epoch,
+        next_lease,
+    ] {
+        put_number(out, number);
+    }
+    put_settings(out, settings);
+    put_number(out, tools);
 }
 
 fn put_stop(out: &mut Vec<u8>, stop: Option<&StopSnapshot>) {

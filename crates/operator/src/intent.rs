@@ -3,6 +3,7 @@
 use std::f64::consts::TAU;
 
 use crate::path::{Path, PathError, Setpoint, Waypoint};
+use crate::track::Track;
 use crate::{Axes, Vec3};
 
 /// Stiffness of the hand's own position control, N/m. Human wrists and arms in a firm grip show 200 to 800 N/m.
@@ -51,6 +52,9 @@ pub enum Intent {
     Trajectory(Path),
     /// Strokes over the block, level by level, then again from the top on a fresh block.
     Cutting(Path),
+    /// Do what a hand did once: go where it went, and press as it pressed. Where the handle answers otherwise now, the
+    /// hand pulls it back to its way, as in a [trajectory](Intent::Trajectory).
+    Played(Track),
 }
 
 /// Why an intent cannot be had.
@@ -236,6 +240,14 @@ impl Intent {
                 let learnt = setpoint.position * arm.0 + setpoint.velocity * arm.1;
                 capped(servo + learnt, HAND_FORCE_LIMIT_N) * rise(t_s)
             }
+            Self::Played(track) => {
+                let (wanted, speed, pressed) = track.at(t_s);
+                let servo = (wanted - position) * HAND_STIFFNESS_N_PER_M
+                    + (speed - velocity) * HAND_DAMPING_N_S_PER_M;
+                // The sensor measures what the muscles do beyond moving the arm.
+                let learnt = wanted * arm.0 + speed * arm.1 + pressed;
+                capped(servo + learnt, HAND_FORCE_LIMIT_N) * rise(t_s)
+            }
         };
         if axes == Axes::Two {
             force.z = 0.0;
@@ -247,6 +259,10 @@ impl Intent {
         match self {
             Self::Trajectory(path) => Some(path.at(t_s)),
             Self::Cutting(path) => Some(path.at(t_s % path.lasts_s())),
+            Self::Played(track) => {
+                let (position, velocity, _) = track.at(t_s);
+                Some(Setpoint { position, velocity })
+            }
             _ => None,
         }
     }

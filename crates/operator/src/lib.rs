@@ -18,12 +18,14 @@ mod path;
 mod person;
 mod robot;
 mod simulated;
+mod track;
 
 pub use intent::{Intent, IntentError, Reach};
 pub use path::{Path, PathError, Waypoint};
 pub use robot::{RobotError, RobotHandle, RobotSetup, RobotState, ServoLimits};
 pub use simulated::{SimulatedHandle, SimulatedHandleError};
 pub use teleclay_kinematics::Singularity;
+pub use track::{Track, TrackError, TrackPoint};
 
 /// Three-vector in SI units; axes x, y, z of the handle.
 pub type Vec3 = nalgebra::Vector3<f64>;

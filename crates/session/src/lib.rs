@@ -9,6 +9,7 @@
 //! | [`cuts`] | what was cut in a tick, for whoever keeps it |
 //! | [`recovery`] | a session that goes on where an earlier server of it has ended |
 //! | [`event`] | what a session tells of itself, and the fold that makes its state of it |
+//! | [`in_words`] | what people are told of an event |
 //! | [`settings`] | what a session was told to be, and the loop parameters that follow |
 //! | [`rules`] | who gets which tool, when a lease ends, and how long a request or a reservation lasts |
 //!
@@ -29,6 +30,7 @@ pub mod settings;
 mod requests;
 mod session;
 mod slot;
+mod words;
 
 pub use command::{Command, Operator, Outcome, Refusal};
 pub use cuts::ToolCuts;
@@ -41,3 +43,4 @@ pub use recovery::Recovery;
 pub use rules::Rules;
 pub use session::{Session, SessionSetup};
 pub use settings::{Lines, Settings, SettingsError};
+pub use words::in_words;

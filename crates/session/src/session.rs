@@ -18,7 +18,7 @@ use teleclay_proto::http::MAX_TOOLS;
 
 use crate::command::{Command, Outcome, Refusal};
 use crate::cuts::{Cuts, ToolCuts};
-use crate::event::{Event, EventKind, Release, Snapshot, StopSnapshot};
+use crate::event::{Event, EventKind, Release, Snapshot, StopSnapshot, ToolSnapshot};
 use crate::prepare::{Parts, Prepared};
 use crate::rules::Rules;
 use crate::settings::{Lines, Settings};
@@ -238,11 +238,21 @@ impl Session {
 
     /// One tick of every tool.
     pub fn tick(&mut self, now: Timestamp) {
+        self.tick_heard(now, |_, _, _| {});
+    }
+
+    /// One tick of every tool, told to `heard` besides: each frame that leaves a line up in this tick, with its slot
+    /// and when the tool side takes it to have come. Frames that the line still holds, or has lost, are not among them.
+    pub fn tick_heard(
+        &mut self,
+        now: Timestamp,
+        mut heard: impl FnMut(usize, Timestamp, &HandleFrame),
+    ) {
         self.now = now;
         self.ticks += 1;
         self.made.clear();
         for number in 0..self.slots.len() {
-            self.tick_tool(number);
+            self.tick_tool(number, &mut heard);
         }
         self.clay.commit_ahead();
         for number in 0..self.slots.len() {
@@ -279,6 +289,11 @@ impl Session {
     /// What is cut can be kept again.
     pub fn resume_cutting(&mut self) {
         self.storage = Storage::Ready;
+    }
+
+    /// Whether what is cut can be kept, as told last.
+    pub fn can_keep_cuts(&self) -> bool {
+        self.storage == Storage::Ready
     }
 
     /// The next frame that leaves a line towards a handle in this tick, and the slot of its tool.
@@ -341,6 +356,18 @@ impl Session {
         self.next_lease
     }
 
+    /// Who has stopped it, and why, while it is stopped.
+    pub fn held_stop(&self) -> Option<&StopSnapshot> {
+        self.stop.as_ref()
+    }
+
+    /// A tool's state, but for who has asked for it; a free one's where there is no such slot.
+    pub fn tool_but_for_requests(&self, slot: usize) -> ToolSnapshot {
+        self.slots
+            .get(slot)
+            .map_or_else(ToolSnapshot::default, ToolSlot::snapshot_but_for_requests)
+    }
+
     /// The value that put a tool into fault, if one did.
     pub fn fault(&self, slot: usize) -> Option<Implausible> {
         self.slots.get(slot)?.holder.as_ref()?.fault
@@ -389,7 +416,7 @@ impl Session {
         sides.fold(self.departed, |all, side| all.and(side.arrivals()))
     }
 
-    fn tick_tool(&mut self, number: usize) {
+    fn tick_tool(&mut self, number: usize, heard: &mut impl FnMut(usize, Timestamp, &HandleFrame)) {
         let now = self.now;
         let slot = &mut self.slots[number];
         let Some(holder) = &mut slot.holder else {
@@ -397,6 +424,7 @@ impl Session {
         };
         let side = &mut holder.side;
         while let Some((arrived, frame)) = slot.up.poll_with_arrival(now) {
+            heard(number, arrived, &frame);
             side.handle_frame(arrived, &frame);
         }
         let rests = self.settings.is_paused || self.storage == Storage::Full;

@@ -146,6 +146,14 @@ impl ToolSlot {
     }
 
     pub(crate) fn snapshot(&self) -> ToolSnapshot {
+        ToolSnapshot {
+            requests: self.requests.names().cloned().collect(),
+            ..self.snapshot_but_for_requests()
+        }
+    }
+
+    /// Touches no heap.
+    pub(crate) fn snapshot_but_for_requests(&self) -> ToolSnapshot {
         let holder = self.holder.as_ref().map(|holder| HolderSnapshot {
             lease: holder.lease,
             operator: Arc::clone(&holder.operator),
@@ -155,7 +163,7 @@ impl ToolSlot {
         let reserved = self.reserved.as_ref();
         ToolSnapshot {
             holder,
-            requests: self.requests.names().cloned().collect(),
+            requests: Vec::new(),
             reserved_for: reserved.map(|reserved| Arc::clone(&reserved.operator)),
         }
     }

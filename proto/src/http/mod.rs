@@ -14,6 +14,7 @@ mod network;
 mod patch;
 mod problem;
 mod read;
+mod recording;
 mod schema;
 mod session;
 pub mod theory;
@@ -35,6 +36,7 @@ pub use patch::{
     BurstPatch, ImpairmentPatch, MaterialPatch, NetworkPatch, OutagePatch, SessionPatch,
 };
 pub use problem::Problem;
+pub use recording::{MAX_RATE_HZ, MAX_TOPICS, NewRecording, Recording, RecordingState};
 pub use session::{
     ClayState, CorrectionsState, LoopState, MAX_TOOLS, NewSession, Quantiles, Session,
     SessionState, StorageReport, StorageState, TickQuantiles, ToolState,

@@ -107,7 +107,7 @@ impl<'a> Need<'a> {
         let reads = matches!(*method, Method::GET | Method::HEAD | Method::OPTIONS);
         let role = if reads {
             Role::Spectator
-        } else if is_manners(path) {
+        } else if is_manners(path) || (*method == Method::POST && is_recording(path)) {
             Role::Operator
         } else {
             Role::Admin
@@ -165,6 +165,16 @@ fn is_manners(path: &str) -> bool {
         (Some("tools"), Some(_), Some(word), None) => {
             matches!(word, "request" | "withdraw" | "grant" | "deny" | "release")
         }
+        _ => false,
+    }
+}
+
+/// Whether a path begins or ends a recording: as operators may who move what is recorded. To delete one is an admin's.
+fn is_recording(path: &str) -> bool {
+    let mut parts = path.trim_start_matches("/api/v1/").split('/').skip(2);
+    match (parts.next(), parts.next(), parts.next(), parts.next()) {
+        (Some("recordings"), None, None, None) => true,
+        (Some("recordings"), Some(_), Some("stop"), None) => true,
         _ => false,
     }
 }

@@ -33,6 +33,7 @@ mod metrics;
 mod openapi;
 mod pages;
 mod problem;
+mod recordings;
 mod sessions;
 mod socket;
 mod stream;
@@ -149,6 +150,7 @@ fn calls_of_version_1() -> OpenApiRouter<Api> {
         .merge(history::routes())
         .merge(import::routes())
         .merge(manners::routes())
+        .merge(recordings::routes())
         .merge(theory::routes())
         .merge(stream::routes())
 }

@@ -57,6 +57,8 @@ kinds! {
         "The interface is described at /api/docs.";
     NO_SUCH_SESSION = NOT_FOUND "no-such-session", "there is no such session",
         "GET /api/v1/sessions lists the sessions there are.";
+    NO_SUCH_RECORDING = NOT_FOUND "no-such-recording", "there is no such recording",
+        "GET /api/v1/sessions/{id}/recordings lists those of a session; a file's name is a recording's, and .mcap.";
     NO_SUCH_TOOL = NOT_FOUND "no-such-tool", "there is no such tool",
         "A session's tools are numbered from 1; its state lists them.";
     METHOD = METHOD_NOT_ALLOWED "method", "the method is not offered here",
@@ -69,6 +71,8 @@ kinds! {
         "Delete one first.";
     SESSION_DAMAGED = CONFLICT "session-damaged", "the session's files are damaged",
         "It was set aside when the server started, its files as they are; the detail says what is wrong with them. DELETE removes it for good.";
+    RECORDING = CONFLICT "recording", "the recording is otherwise",
+        "A session has one recording at a time, each has a name of its own, and all of them have a bound on disk. The detail says which it is.";
     NOTHING_THERE = CONFLICT "nothing-there", "there is no such stroke",
         "No stroke of the present block can be undone or redone as asked.";
     NOT_KEPT = CONFLICT "not-kept", "that is no longer kept",

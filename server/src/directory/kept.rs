@@ -70,8 +70,9 @@ pub enum ImportError {
 }
 
 impl Directory {
-    /// Writes what waits of every session, and ends that.
-    pub(crate) fn end_archives(&self) {
+    /// Writes what waits of every session and of every recording, and ends that.
+    pub(crate) fn end_writing(&self) {
+        self.0.recordings.end_all();
         for live in self.lives() {
             live.shared.archive.iter().for_each(Archive::end);
         }

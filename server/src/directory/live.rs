@@ -29,7 +29,7 @@ const PREPARATIONS: usize = 4;
 #[derive(Clone)]
 pub struct Live {
     pub(super) shared: Arc<SessionShared>,
-    directory: Weak<Inner>,
+    pub(super) directory: Weak<Inner>,
 }
 
 impl Live {

@@ -7,6 +7,7 @@ mod live;
 mod manners;
 mod not_granted;
 mod orders;
+mod recording;
 mod room;
 
 use std::collections::HashMap;
@@ -25,6 +26,7 @@ use teleclay_proto::http::{
 };
 use teleclay_proto::watch::Level;
 use teleclay_proto::{NodeName, SessionId};
+use teleclay_recording::Shelf;
 use teleclay_session::{Rules, Session, SessionSetup, Settings};
 use teleclay_shell::Clock;
 use tokio::sync::mpsc::{UnboundedReceiver, UnboundedSender, unbounded_channel};
@@ -42,6 +44,7 @@ pub use live::{ClayView, Live};
 pub(crate) use manners::Control;
 pub(crate) use not_granted::NotGranted;
 pub use orders::{ChangeError, NoMemory};
+pub use recording::RecordingFailure;
 
 use orders::Orders;
 use room::find_room;
@@ -103,6 +106,7 @@ struct Inner {
     node: NodeName,
     doors: Arc<Doors>,
     home: Option<Arc<Home>>,
+    recordings: Arc<Shelf>,
     clay_bytes: u64,
     slow_endpoint: Option<String>,
     clock: Clock,
@@ -125,6 +129,8 @@ pub(crate) struct Parts {
     pub(crate) doors: Arc<Doors>,
     /// Where sessions are kept, if they are.
     pub(crate) home: Option<Arc<Home>>,
+    /// Where recordings lie.
+    pub(crate) recordings: Arc<Shelf>,
     /// Memory for the clay of all sessions.
     pub(crate) clay_bytes: u64,
     pub(crate) slow_endpoint: Option<String>,
@@ -151,6 +157,7 @@ impl Directory {
             node: parts.node,
             doors: parts.doors,
             home: parts.home,
+            recordings: parts.recordings,
             clay_bytes: parts.clay_bytes,
             slow_endpoint: parts.slow_endpoint,
             clock: parts.clock,

@@ -1,7 +1,7 @@
 //! The rooms, and which of them each one uses.
 
 /// Which rooms each room uses, tests of it included: exactly these.
-pub(crate) const USES: [(&str, &[&str]); 33] = [
+pub(crate) const USES: [(&str, &[&str]); 36] = [
     ("control", &[]),
     ("kinematics", &[]),
     ("clay", &[]),
@@ -73,6 +73,32 @@ pub(crate) const USES: [(&str, &[&str]); 33] = [
             "sim",
         ],
     ),
+    (
+        "recording",
+        &[
+            "bilateral",
+            "clay",
+            "history",
+            "link",
+            "proto",
+            "ros",
+            "session",
+        ],
+    ),
+    (
+        "replay",
+        &[
+            "bilateral",
+            "clay",
+            "history",
+            "link",
+            "operator",
+            "proto",
+            "recording",
+            "session",
+            "sim",
+        ],
+    ),
     ("theory", &["control", "kinematics", "proto", "sim"]),
     ("offline", &["control", "proto", "theory"]),
     (
@@ -101,6 +127,7 @@ pub(crate) const USES: [(&str, &[&str]); 33] = [
             "proto",
             "ros2",
             "ros",
+            "recording",
             "session",
             "shell",
             "theory",

@@ -162,7 +162,7 @@ fn doctest() -> Result<()> {
 fn python_step() -> Result<()> {
     python::install()?;
     // Of the whole workspace, so that nothing is compiled again with other features.
-    cargo_with("build --release --workspace --locked --example analyse_loops")?;
+    cargo_with("build --release --workspace --locked --example analyse_loops --example record")?;
     let script = |name: &str| {
         let mut script = python::script("python");
         script.arg(root().join("tests/python").join(name));
@@ -176,6 +176,10 @@ fn python_step() -> Result<()> {
         .arg(root())
         .arg(program("teleclay-server"))
         .arg(program("teleclay-handle")))?;
+    run(script("recordings.py")
+        .arg(program("examples/record"))
+        .arg(program("teleclay-replay"))
+        .arg(program("teleclay-server")))?;
     run(script("interface.py").arg(program("teleclay-server")))
 }
 

@@ -9,6 +9,7 @@
 //! Snapshots of the clay travel beside the lines, as on a stream that repeats what is lost: asked for at a delay up,
 //! taken from the clay then, there after a delay down.
 
+mod ear;
 mod halt;
 mod hand;
 
@@ -31,6 +32,7 @@ use teleclay_session::{
     Command, Event, Lines, Operator, Prepared, Refusal, Rules, Session, SessionSetup, Settings,
 };
 
+pub use ear::Ear;
 pub use halt::Halt;
 use halt::{Halted, noticed_since};
 use hand::{Clock, Hand, UnderWay};
@@ -100,6 +102,7 @@ pub struct Rig {
     events: Vec<Event>,
     /// What stands between the lines and the programs, once a test asks for it.
     wires: Vec<Wires>,
+    ear: Option<Box<dyn Ear>>,
 }
 
 /// A direction each of a network that only stalls, with room for all that a test holds back.
@@ -189,6 +192,7 @@ impl Rig {
             came_up: Vec::new(),
             events: Vec::new(),
             wires: Vec::new(),
+            ear: None,
         })
     }
 
@@ -256,7 +260,12 @@ impl Rig {
     }
 
     fn tick_session(&mut self, now: Timestamp) {
-        self.session.tick(now);
+        match &mut self.ear {
+            Some(ear) => self.session.tick_heard(now, |slot, arrived, frame| {
+                ear.on_frame(slot, arrived, frame)
+            }),
+            None => self.session.tick(now),
+        }
         // A handle notices in its next tick what a line delivers in this one.
         let noticed = now.after(self.tick);
         while let Some((slot, frame)) = self.session.poll_transmit() {
@@ -268,6 +277,9 @@ impl Rig {
         self.events.clear();
         while let Some(event) = self.session.poll_event() {
             self.events.push(event);
+        }
+        if let Some(ear) = &mut self.ear {
+            ear.on_tick(&mut self.session, now, &self.events);
         }
         while self.session.poll_retired().is_some() {}
     }

@@ -1,0 +1,28 @@
+//! Recordings of sessions: MCAP files with the profile `ros2`, that explain themselves and from which the loop can be
+//! run again. `docs/recording.md` says what is in a file.
+//!
+//! | module | holds |
+//! |---|---|
+//! | [`tap`] | what leaves the tick, without waiting or allocating |
+//! | [`scribe`] | makes messages of that and writes them |
+//! | [`shelf`] | the recordings of a server: a thread and a file for each that runs |
+//! | [`read`] | a file, tick by tick |
+//!
+//! ```text
+//! tick thread          recording's thread
+//! Tap::on_tick  >  Feed ─> Scribe ─> file, synced each second
+//! ```
+
+pub mod read;
+pub mod scribe;
+pub mod shelf;
+pub mod tap;
+
+mod base;
+mod messages;
+mod tick;
+
+pub use read::{Recorded, Step};
+pub use scribe::{About, Scribe, WriteError};
+pub use shelf::{Shelf, ShelfError};
+pub use tap::{Feed, Tap};

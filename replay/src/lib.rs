@@ -1,0 +1,17 @@
+//! What a recording tells, once more: through the same loop, where it must come out, or through another one.
+//!
+//! | module | holds |
+//! |---|---|
+//! | [`again`] | the tool side of a session, told by its recording |
+//! | [`verify`] | whether clay and cuts come out bit for bit |
+//! | [`felt`] | the recorded hand under another scheme or over another line |
+//! | [`studio`] | a recording of what a rig does on virtual time |
+
+pub mod again;
+pub mod felt;
+pub mod studio;
+pub mod verify;
+
+pub use felt::{Felt, FeltError, Question};
+pub use studio::Studio;
+pub use verify::{Verdict, VerifyError, verify};
