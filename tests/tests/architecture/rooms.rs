@@ -1,7 +1,7 @@
 //! The rooms, and which of them each one uses.
 
 /// Which rooms each room uses, tests of it included: exactly these.
-pub(crate) const USES: [(&str, &[&str]); 31] = [
+pub(crate) const USES: [(&str, &[&str]); 34] = [
     ("control", &[]),
     ("kinematics", &[]),
     ("clay", &[]),
@@ -34,6 +34,8 @@ pub(crate) const USES: [(&str, &[&str]); 31] = [
         ],
     ),
     ("mesh", &["clay"]),
+    ("study", &["proto"]),
+    ("study-program", &["study"]),
     ("history", &["clay", "link", "proto", "session"]),
     (
         "keeping",
@@ -76,6 +78,12 @@ pub(crate) const USES: [(&str, &[&str]); 31] = [
         "latency",
         &[
             "clay", "control", "link", "operator", "proto", "session", "sim",
+        ],
+    ),
+    (
+        "position-position",
+        &[
+            "clay", "latency", "link", "operator", "proto", "session", "sim",
         ],
     ),
     ("shell", &["doors", "link", "proto"]),
