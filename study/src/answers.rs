@@ -26,11 +26,7 @@ impl Answers {
     ///
     /// # Errors
     /// The answers are of another study or participant, the participant has ended the run, or the disk refuses.
-    pub fn open<'a>(
-        folder: &Path,
-        study: &'a Study,
-        participant: u32,
-    ) -> Result<(Self, Run<'a>)> {
+    pub fn open<'a>(folder: &Path, study: &'a Study, participant: u32) -> Result<(Self, Run<'a>)> {
         let path = path(folder, study, participant);
         let told = || format!("{}", path.display());
         let mut file = OpenOptions::new()

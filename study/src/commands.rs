@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail, ensure};
 use clap::{Parser, Subcommand, ValueEnum};
 use teleclay_study::file::{Study, Task};
-use teleclay_study::fit::{Model, Rate, fit};
+use teleclay_study::fit::{Model, Rate, STAIRCASE_CORRECTION, fit};
 use teleclay_study::observer::Observer;
 use teleclay_study::psychometric::{Psychometric, Shape};
 use teleclay_study::results::{self, Group};
@@ -191,8 +191,7 @@ impl Arguments {
                 }
                 let text = std::fs::read_to_string(&table)
                     .with_context(|| format!("cannot read {}", table.display()))?;
-                let groups =
-                    results::read(&text).with_context(|| table.display().to_string())?;
+                let groups = results::read(&text).with_context(|| table.display().to_string())?;
                 ensure!(!groups.is_empty(), "{} has no trial", table.display());
                 let model = |group: &Group| {
                     let guess = match &*group.task {
@@ -205,6 +204,12 @@ impl Arguments {
                         guess,
                         lapse: lapse_most.map_or(Rate::Fixed(lapse), Rate::UpTo),
                         confidence,
+                        // Only a staircase turns.
+                        correction: if group.reversals.is_empty() {
+                            0.0
+                        } else {
+                            STAIRCASE_CORRECTION
+                        },
                     })
                 };
                 print(&thresholds(&groups, model))
@@ -217,7 +222,9 @@ impl Arguments {
 fn read(file: &Path) -> Result<Study> {
     let text =
         std::fs::read_to_string(file).with_context(|| format!("cannot read {}", file.display()))?;
-    let is_json = file.extension().is_some_and(|extension| extension == "json");
+    let is_json = file
+        .extension()
+        .is_some_and(|extension| extension == "json");
     let study = if is_json {
         Study::from_json(&text)
     } else {
@@ -287,9 +294,14 @@ struct Simulated {
 impl Simulated {
     fn function(&self, study: &Study) -> Result<Psychometric> {
         let shape = study.model().map_or(Shape::default(), |model| model.shape);
-        let place = shape.place(self.threshold).filter(|place| place.is_finite());
+        let place = shape
+            .place(self.threshold)
+            .filter(|place| place.is_finite());
         let location = place.with_context(|| {
-            format!("--threshold {}, wanted a level of the shape", self.threshold)
+            format!(
+                "--threshold {}, wanted a level of the shape",
+                self.threshold
+            )
         })?;
         ensure!(
             self.spread.is_finite() && 0.0 < self.spread,
@@ -300,8 +312,14 @@ impl Simulated {
             Task::TwoIntervals => 0.5,
             Task::YesNo | Task::Rating { .. } => self.false_alarms,
         };
-        for (name, share) in [("--lapse", self.lapse), ("--false-alarms", self.false_alarms)] {
-            ensure!((0.0..=0.5).contains(&share), "{name} {share}, wanted 0 to 0.5");
+        for (name, share) in [
+            ("--lapse", self.lapse),
+            ("--false-alarms", self.false_alarms),
+        ] {
+            ensure!(
+                (0.0..=0.5).contains(&share),
+                "{name} {share}, wanted 0 to 0.5"
+            );
         }
         Ok(Psychometric {
             shape,
@@ -342,7 +360,8 @@ fn coverage(study: &Study, function: Psychometric, seeds: u64) -> Result<String>
         };
         fitted += 1;
         let [least, most] = fit.interval;
-        let is_in = least.is_none_or(|least| least <= truth) && most.is_none_or(|most| truth <= most);
+        let is_in =
+            least.is_none_or(|least| least <= truth) && most.is_none_or(|most| truth <= most);
         covered += u32::from(is_in);
         if let [Some(least), Some(most)] = fit.interval {
             widths.push(most - least);

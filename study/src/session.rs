@@ -122,7 +122,10 @@ impl Remote {
             .body_mut()
             .read_to_string()
             .with_context(|| format!("{method} {address}"))?;
-        Ok((status, serde_json::from_str(&text).unwrap_or(Value::String(text))))
+        Ok((
+            status,
+            serde_json::from_str(&text).unwrap_or(Value::String(text)),
+        ))
     }
 
     fn change(&self, method: &str, path: &str, body: &Value) -> Result<Value> {
@@ -153,7 +156,11 @@ impl Shown for Remote {
         match status {
             404 | 405 | 501 => Ok(None),
             200..300 => Ok(answer["id"].as_str().map(str::to_owned)),
-            _ => bail!("POST {}/recordings answered {status}: {}", self.base, detail(&answer)),
+            _ => bail!(
+                "POST {}/recordings answered {status}: {}",
+                self.base,
+                detail(&answer)
+            ),
         }
     }
 

@@ -48,7 +48,10 @@ impl Noted {
 
 impl Shown for Noted {
     fn show(&mut self, presentation: &Presentation, _line_seeds: [u64; 2]) -> Result<()> {
-        self.note(format!("show {} {}", presentation.scheme, presentation.line.delay_s))
+        self.note(format!(
+            "show {} {}",
+            presentation.scheme, presentation.line.delay_s
+        ))
     }
     fn freshen(&mut self) -> Result<()> {
         self.note("freshen".to_owned())
@@ -135,8 +138,13 @@ fn an_interrupted_run_goes_on_with_the_trial_that_has_no_answer() {
     fs::write(&file, &text).unwrap();
     let (ending, read, answered) = conduct(&folder, &mut session, &trials(TRIALS - 3));
     assert_eq!((ending.unwrap(), answered), (Ending::Complete, TRIALS));
-    assert!(read.contains("Trial 4,") && !read.contains("Trial 3,"), "{read}");
-    let log = log::read(&fs::read_to_string(&file).unwrap()).unwrap().unwrap();
+    assert!(
+        read.contains("Trial 4,") && !read.contains("Trial 3,"),
+        "{read}"
+    );
+    let log = log::read(&fs::read_to_string(&file).unwrap())
+        .unwrap()
+        .unwrap();
     assert_eq!(log.records.len(), TRIALS);
 }
 
@@ -151,7 +159,10 @@ fn whoever_types_stop_is_let_go_of_at_once_and_for_good() {
         assert_eq!(session.count("record"), session.count("end"));
         let study = Study::from_json(STUDY).unwrap();
         let refused = Answers::open(&folder, &study, 2).map(|_| ()).unwrap_err();
-        assert!(refused.to_string().contains("has ended this run"), "{refused}");
+        assert!(
+            refused.to_string().contains("has ended this run"),
+            "{refused}"
+        );
     }
 }
 
@@ -161,7 +172,10 @@ fn what_answers_nothing_is_asked_again() {
     let typed = "\n\n3\nperhaps\n2\n".to_owned() + &trials(TRIALS - 1);
     let (ending, read, answered) = conduct(&folder, &mut Noted::default(), &typed);
     assert_eq!((ending.unwrap(), answered), (Ending::Complete, TRIALS));
-    assert!(read.contains("`perhaps` answers nothing here, wanted 1 or 2"), "{read}");
+    assert!(
+        read.contains("`perhaps` answers nothing here, wanted 1 or 2"),
+        "{read}"
+    );
 }
 
 #[test]
@@ -175,7 +189,11 @@ fn a_session_that_refuses_ends_the_run_and_keeps_the_answers() {
     assert_eq!(ending.unwrap_err().to_string(), "the server has gone");
     assert!((1..TRIALS).contains(&answered));
     assert_eq!(session.count("restore"), 1);
-    assert_eq!(session.count("record"), session.count("end"), "a recording runs on");
+    assert_eq!(
+        session.count("record"),
+        session.count("end"),
+        "a recording runs on"
+    );
     let (ending, _, whole) = conduct(&folder, &mut Noted::default(), &trials(TRIALS - answered));
     assert_eq!((ending.unwrap(), whole), (Ending::Complete, TRIALS));
 }
@@ -215,7 +233,9 @@ fn answer(stream: &mut TcpStream) -> Option<String> {
     }
     let head = String::from_utf8(request).unwrap();
     let value = |name: &str| {
-        let line = head.lines().find(|line| line.to_lowercase().starts_with(name))?;
+        let line = head
+            .lines()
+            .find(|line| line.to_lowercase().starts_with(name))?;
         Some(line.split_once(':')?.1.trim().to_owned())
     };
     let length = value("content-length").map_or(0, |length| length.parse().unwrap());
@@ -227,7 +247,10 @@ fn answer(stream: &mut TcpStream) -> Option<String> {
     } else if first.ends_with("/clay/reset") {
         ("409 Conflict", r#"{"detail":"a change is under way"}"#)
     } else {
-        ("200 OK", r#"{"scheme":"replica","material":{"yield_stress_pa":3},"network":{},"revision":7}"#)
+        (
+            "200 OK",
+            r#"{"scheme":"replica","material":{"yield_stress_pa":3},"network":{},"revision":7}"#,
+        )
     };
     let length = answer.len();
     write!(
@@ -236,25 +259,38 @@ fn answer(stream: &mut TcpStream) -> Option<String> {
     )
     .ok()?;
     let token = value("authorization").unwrap_or_default();
-    Some(format!("{first} [{token}] {}", String::from_utf8(body).unwrap()))
+    let body = String::from_utf8(body).unwrap();
+    let body: String = body.split_whitespace().collect();
+    Some(format!("{first} [{token}] {body}"))
 }
 
 #[test]
 fn a_server_is_asked_for_scheme_line_and_material_and_set_back_to_what_it_had() {
     let (address, asked) = server();
     let study = Study::from_json(STUDY).unwrap();
-    let trial = teleclay_study::run::Run::new(&study, 1).unwrap().next_trial().unwrap();
-    let mut remote = Remote::find(&format!("{address}/"), "demo", Some("secret".to_owned())).unwrap();
+    let trial = teleclay_study::run::Run::new(&study, 1)
+        .unwrap()
+        .next_trial()
+        .unwrap();
+    let mut remote =
+        Remote::find(&format!("{address}/"), "demo", Some("secret".to_owned())).unwrap();
     remote.show(&trial.shown[0], [5, 6]).unwrap();
     assert_eq!(remote.record("a").unwrap(), None);
     let refused = remote.freshen().unwrap_err().to_string();
-    assert!(refused.ends_with("answered 409: a change is under way"), "{refused}");
+    assert!(
+        refused.ends_with("answered 409: a change is under way"),
+        "{refused}"
+    );
     remote.stop().unwrap();
     remote.restore().unwrap();
     let base = "/api/v1/sessions/demo";
     let asked: Vec<String> = asked.iter().take(6).collect();
     assert_eq!(asked[0], format!("GET {base} [Bearer secret] "));
-    assert!(asked[1].starts_with(&format!("PATCH {base} [Bearer secret] {{")), "{}", asked[1]);
+    assert!(
+        asked[1].starts_with(&format!("PATCH {base} [Bearer secret] {{")),
+        "{}",
+        asked[1]
+    );
     let scheme = trial.shown[0].scheme;
     for part in [
         format!("\"scheme\":\"{scheme}\""),
@@ -265,8 +301,16 @@ fn a_server_is_asked_for_scheme_line_and_material_and_set_back_to_what_it_had() 
     ] {
         assert!(asked[1].contains(&part), "{part}: {}", asked[1]);
     }
-    assert!(asked[2].starts_with(&format!("POST {base}/recordings")), "{}", asked[2]);
-    assert!(asked[4].starts_with(&format!("POST {base}/stop")), "{}", asked[4]);
+    assert!(
+        asked[2].starts_with(&format!("POST {base}/recordings")),
+        "{}",
+        asked[2]
+    );
+    assert!(
+        asked[4].starts_with(&format!("POST {base}/stop")),
+        "{}",
+        asked[4]
+    );
     let before = r#"{"material":{"yield_stress_pa":3},"network":{},"scheme":"replica"}"#;
     assert_eq!(asked[5], format!("PATCH {base} [Bearer secret] {before}"));
 }

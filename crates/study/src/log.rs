@@ -30,7 +30,9 @@ pub enum LogError {
         detail: String,
     },
     /// The answers are to another study, or to this one before it was changed.
-    #[error("the answers are to study {got}, wanted {wanted}: the file was changed after the first answer")]
+    #[error(
+        "the answers are to study {got}, wanted {wanted}: the file was changed after the first answer"
+    )]
     OtherStudy {
         /// Its name and digest.
         got: String,

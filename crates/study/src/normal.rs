@@ -80,10 +80,7 @@ mod tests {
 
     #[test]
     fn both_ways_of_reckoning_meet() {
-        let (below, above) = (
-            cumulative(TAIL_FROM - 1e-5),
-            cumulative(TAIL_FROM + 1e-5),
-        );
+        let (below, above) = (cumulative(TAIL_FROM - 1e-5), cumulative(TAIL_FROM + 1e-5));
         let slope = (above - below) / 2e-5;
         assert!((slope / density(TAIL_FROM) - 1.0).abs() < 1e-7, "{slope}");
     }

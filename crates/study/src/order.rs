@@ -70,12 +70,20 @@ mod tests {
     fn every_condition_stands_at_every_place_and_behind_every_other_equally_often() {
         for conditions in 1..=9 {
             let square = williams(conditions);
-            let rounds = if conditions % 2 == 1 && 1 < conditions { 2 } else { 1 };
+            let rounds = if conditions % 2 == 1 && 1 < conditions {
+                2
+            } else {
+                1
+            };
             assert_eq!(square.len(), rounds * conditions);
             for condition in 0..conditions {
                 for place in 0..conditions {
                     let there = square.iter().filter(|order| order[place] == condition);
-                    assert_eq!(there.count(), rounds, "{conditions}: {condition} at {place}");
+                    assert_eq!(
+                        there.count(),
+                        rounds,
+                        "{conditions}: {condition} at {place}"
+                    );
                 }
                 for before in (0..conditions).filter(|before| *before != condition) {
                     let pairs = square.iter().flat_map(|order| order.windows(2));
@@ -89,7 +97,9 @@ mod tests {
     #[test]
     fn a_round_of_participants_has_every_order_once_and_the_seed_says_whose() {
         let round = |seed| -> Vec<Vec<usize>> {
-            (1..=4).map(|participant| order(seed, 4, participant)).collect()
+            (1..=4)
+                .map(|participant| order(seed, 4, participant))
+                .collect()
         };
         let mut sorted = round(7);
         sorted.sort();

@@ -163,12 +163,17 @@ mod tests {
         let mut staircase = Staircase::new(rule(2));
         let mut levels = Vec::new();
         let mut turns = Vec::new();
-        for is_noticed in [true, true, true, true, false, true, false, true, true, true, true] {
+        for is_noticed in [
+            true, true, true, true, false, true, false, true, true, true, true,
+        ] {
             levels.push(staircase.next_level().unwrap());
             turns.push(staircase.answer(is_noticed));
         }
         // Down 8 to 6 to 4; missed at 4: a turn, and from now on by ones; missed again; then down.
-        assert_eq!(levels, [8.0, 8.0, 6.0, 6.0, 4.0, 5.0, 5.0, 6.0, 6.0, 5.0, 5.0]);
+        assert_eq!(
+            levels,
+            [8.0, 8.0, 6.0, 6.0, 4.0, 5.0, 5.0, 6.0, 6.0, 5.0, 5.0]
+        );
         let turned: Vec<usize> = (0..11).filter(|trial| turns[*trial]).collect();
         assert_eq!(turned, [4, 8]);
         assert_eq!(staircase.reversals(), [4.0, 6.0]);

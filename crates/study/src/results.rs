@@ -168,7 +168,15 @@ pub fn read(text: &str) -> Result<Vec<Group>, TableError> {
         let at = head.iter().position(|other| other == name);
         at.ok_or_else(|| missing(name, &head))
     };
-    let [study, participant, condition, task, noticed, reversal, rating] = [
+    let [
+        study,
+        participant,
+        condition,
+        task,
+        noticed,
+        reversal,
+        rating,
+    ] = [
         place("study")?,
         place("participant")?,
         place("condition")?,
@@ -332,7 +340,8 @@ level_delay_s,noticed,study,participant,condition,task,reversal,rating,more
 
     #[test]
     fn what_is_wrong_is_told_with_its_place() {
-        let told = |from: &str, to: &str| read(&TABLE.replacen(from, to, 1)).unwrap_err().to_string();
+        let told =
+            |from: &str, to: &str| read(&TABLE.replacen(from, to, 1)).unwrap_err().to_string();
         assert!(told("noticed", "heard").starts_with("no column `noticed`, have level_delay_s"));
         assert_eq!(
             told("0.2,1", "far,1"),

@@ -18,7 +18,10 @@ fn the_examples_are_studies() {
     let study = Study::from_toml(STUDY).unwrap();
     assert_eq!((study.name(), study.participants()), ("late-clay", 12));
     assert_eq!(study.stimulus().quantity, Quantity::DelayS);
-    assert_eq!((study.task(), study.conditions().len()), (Task::TwoIntervals, 3));
+    assert_eq!(
+        (study.task(), study.conditions().len()),
+        (Task::TwoIntervals, 3)
+    );
     assert_eq!(study.round(), 6);
     let rated = Study::from_json(RATED).unwrap();
     assert_eq!(rated.task(), Task::Rating { least: 1, most: 7 });
@@ -28,17 +31,53 @@ fn the_examples_are_studies() {
 #[test]
 fn what_is_wrong_is_told_with_its_place_and_what_was_wanted() {
     for (from, to, wanted) in [
-        ("name = \"late-clay\"", "name = \"Late clay\"", "/name: Late clay, wanted 1 to 60 of"),
-        ("participants = 12", "participants = 0", "/participants: 0, wanted 1 to 10000"),
-        ("bounds = [0.0, 0.3]", "bounds = [0.3, 0.0]", "/stimulus/bounds: [0.3, 0], wanted two numbers"),
-        ("start = 0.16", "start = 0.4", "/procedure/start: 0.4 makes `plain` 0.4, wanted delay_s from 0 to 0.3"),
-        ("start = 0.16", "start = nan", "/procedure/start: NaN makes `plain` NaN"),
-        ("[0.04, 0.02, 0.01]", "[0.04, -0.02]", "/procedure/steps/1: -0.02, wanted a number above 0"),
-        ("[0.04, 0.02, 0.01]", "[]", "/procedure/steps: 0, wanted 1 to 20"),
+        (
+            "name = \"late-clay\"",
+            "name = \"Late clay\"",
+            "/name: Late clay, wanted 1 to 60 of",
+        ),
+        (
+            "participants = 12",
+            "participants = 0",
+            "/participants: 0, wanted 1 to 10000",
+        ),
+        (
+            "bounds = [0.0, 0.3]",
+            "bounds = [0.3, 0.0]",
+            "/stimulus/bounds: [0.3, 0], wanted two numbers",
+        ),
+        (
+            "start = 0.16",
+            "start = 0.4",
+            "/procedure/start: 0.4 makes `plain` 0.4, wanted delay_s from 0 to 0.3",
+        ),
+        (
+            "start = 0.16",
+            "start = nan",
+            "/procedure/start: NaN makes `plain` NaN",
+        ),
+        (
+            "[0.04, 0.03]",
+            "[0.04, -0.02]",
+            "/procedure/steps/1: -0.02, wanted a number above 0",
+        ),
+        ("[0.04, 0.03]", "[]", "/procedure/steps: 0, wanted 1 to 20"),
         ("down = 2", "down = 0", "/procedure/down: 0, wanted 1 to 10"),
-        ("lapse = 0.02", "lapse = 0.5", "/fit/lapse: 0.5, wanted 0 to 0.2"),
-        ("name = \"waves\"", "name = \"plain\"", "/conditions/1/name: plain, wanted a name that no other"),
-        ("confidence = 0.95", "confidence = 95", "/fit/confidence: 95, wanted 0.5 to 0.999"),
+        (
+            "lapse = 0.02",
+            "lapse = 0.5",
+            "/fit/lapse: 0.5, wanted 0 to 0.2",
+        ),
+        (
+            "name = \"waves\"",
+            "name = \"plain\"",
+            "/conditions/1/name: plain, wanted a name that no other",
+        ),
+        (
+            "confidence = 0.95",
+            "confidence = 95",
+            "/fit/confidence: 95, wanted 0.5 to 0.999",
+        ),
     ] {
         let told = told(from, to);
         assert!(told.contains(wanted), "{told}");
@@ -81,14 +120,24 @@ fn a_study_widens_no_bound() {
         assert!(told.contains("unknown field"), "{told}");
     }
     let told_of = told("bounds = [0.0, 0.3]", "bounds = [0.0, 3.0]");
-    assert!(told_of.contains("delay_s") && told_of.contains("to 2"), "{told_of}");
+    assert!(
+        told_of.contains("delay_s") && told_of.contains("to 2"),
+        "{told_of}"
+    );
     let told_of = told("line = { delay_s = 0.0 }", "line = { loss = 1.5 }");
-    assert!(told_of.starts_with("/conditions/0") && told_of.contains("loss"), "{told_of}");
+    assert!(
+        told_of.starts_with("/conditions/0") && told_of.contains("loss"),
+        "{told_of}"
+    );
 }
 
 #[test]
 fn a_question_that_names_a_condition_is_refused() {
-    for question in ["Was it waves?", "Was that position force?", "position_force or not?"] {
+    for question in [
+        "Was it waves?",
+        "Was that position force?",
+        "position_force or not?",
+    ] {
         let told = told("In which of the two did the clay answer late?", question);
         assert!(told.starts_with("/question: it names"), "{told}");
     }

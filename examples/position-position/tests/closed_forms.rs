@@ -21,7 +21,7 @@ const OWN: Law = Law::Own(&SCHEME);
 /// A blade of 10 mm, 20 mm deep in clay of 2·10⁵ N s/m³.
 const CLAY_N_S_PER_M: f64 = 2e5 * 0.010 * 0.020;
 
-/// A hand that pushes with a constant force along a block, from one end of it.
+/// A hand that pushes the sensor with a constant force along a block, from one end of it.
 fn pushing(delay: Duration, force_n: f64) -> Rig {
     let size_m = [0.160, 0.080, 0.040];
     let line = Impairment {
@@ -56,29 +56,49 @@ fn pushing(delay: Duration, force_n: f64) -> Rig {
     };
     let mut rig = Rig::with_controllers(setup, Vec::new(), Arc::new(SCHEME)).unwrap();
     rig.run_for(Duration::from_millis(700));
-    let intent = Intent::constant_force([force_n, 0.0, 0.0]).unwrap();
+    let intent = Intent::sensor_force([force_n, 0.0, 0.0]).unwrap();
     rig.device_mut().intend(intent);
     rig
 }
 
-/// Ends with the hand at a steady speed: speed, m/s, drift, m, felt force, N, and power that stays in the channel, W.
-fn steady(delay: Duration) -> [f64; 4] {
-    const SPAN_S: f64 = 0.3;
+/// Means over half a second of a hand at a steady speed.
+struct Steady {
+    speed_m_s: f64,
+    drift_m: f64,
+    felt_n: f64,
+    /// The clay's force on the tool.
+    clay_n: f64,
+    /// What stays in the channel.
+    power_w: f64,
+}
+
+fn steady(delay: Duration) -> Steady {
+    const TICKS: u32 = 500;
     let mut rig = pushing(delay, 1.5);
-    rig.run_for(Duration::from_millis(2000));
-    let (from, from_j) = (rig.device().sample().position_m, rig.energy_j());
-    rig.run_for(Duration::from_secs_f64(SPAN_S));
-    let (to, to_j) = (rig.device().sample().position_m, rig.energy_j());
-    let v_m_s = (to[0] - from[0]) / SPAN_S;
-    let off = rig.device().sample().velocity_m_s[0] / v_m_s - 1.0;
-    assert!(off.abs() < 2e-3, "not steady: {off}");
-    let drift_m = rig.tool().distance_from_m(to);
-    [
-        v_m_s,
+    rig.run_for(Duration::from_millis(2500));
+    let place = |rig: &Rig| rig.device().sample().position_m;
+    let (from, from_j) = (place(&rig), rig.energy_j());
+    let (mut drift_m, mut felt_n, mut clay_n, mut halfway) = (0.0, 0.0, 0.0, from);
+    for tick in 0..TICKS {
+        rig.tick();
+        drift_m += rig.tool().distance_from_m(place(&rig)) / f64::from(TICKS);
+        felt_n -= rig.last().felt_force_n[0] / f64::from(TICKS);
+        clay_n -= rig.tool().view().force_n[0] / f64::from(TICKS);
+        if tick + 1 == TICKS / 2 {
+            halfway = place(&rig);
+        }
+    }
+    let (to, to_j) = (place(&rig), rig.energy_j());
+    let span_s = f64::from(TICKS) * 1e-3;
+    let off = 2.0 * (halfway[0] - from[0]) / (to[0] - from[0]) - 1.0;
+    assert!(off.abs() < 2e-3, "{delay:?}: not steady: {off}");
+    Steady {
+        speed_m_s: (to[0] - from[0]) / span_s,
         drift_m,
-        -rig.last().felt_force_n[0],
-        (to_j - from_j) / SPAN_S,
-    ]
+        felt_n,
+        clay_n,
+        power_w: (to_j - from_j) / span_s,
+    }
 }
 
 #[test]
@@ -86,16 +106,20 @@ fn drift_force_and_energy_of_a_steady_cut_are_those_of_the_closed_forms() {
     let (k, b) = (SCHEME.stiffness_n_per_m(), SCHEME.damping_n_s_per_m());
     for delay_ms in [0, 20, 80] {
         let delay = Duration::from_millis(delay_ms);
-        let [v, drift_m, felt_n, power_w] = steady(delay);
-        let d = delay.as_secs_f64();
+        let found = steady(delay);
+        let (d, v) = (delay.as_secs_f64(), found.speed_m_s);
+        // The blade takes a voxel more than its own depth with it.
+        let clay = found.clay_n / v;
+        assert!((clay / CLAY_N_S_PER_M - 1.0).abs() < 0.06, "{clay} N s/m");
         let expected = [
-            v * (d + (b + CLAY_N_S_PER_M) / k),
-            v * (k * 2.0 * d + 2.0 * b + CLAY_N_S_PER_M),
+            v * (d + (b + clay) / k),
+            v * (k * 2.0 * d + 2.0 * b + clay),
             v * v * (k * 2.0 * d + 2.0 * b),
         ];
         // Two ticks of the loop's own, and what is not quite steady.
         let slack = [2e-3 * v, 2e-3 * k * v, 2e-3 * k * v * v];
-        for (number, got) in [drift_m, felt_n, power_w].into_iter().enumerate() {
+        let got = [found.drift_m, found.felt_n, found.power_w];
+        for (number, got) in got.into_iter().enumerate() {
             let (want, slack) = (expected[number], slack[number]);
             assert!(
                 (got - want).abs() <= slack + 5e-3 * want,
@@ -153,7 +177,9 @@ fn its_cells_are_in_the_table_and_grow_worse_with_the_delay() {
         cells.iter().map(line).collect()
     };
     assert_eq!(lines(&cells), lines(&others));
-    let rows: Vec<Row> = [0, 25, 100, 250].map(|delay_ms| row(&cell(delay_ms))).into();
+    let rows: Vec<Row> = [0, 25, 100, 250]
+        .map(|delay_ms| row(&cell(delay_ms)))
+        .into();
     let [none, near, far, farthest] = &rows[..] else {
         panic!("four rows");
     };
@@ -177,10 +203,15 @@ fn its_column_stands_behind_those_of_the_schemes_that_sessions_have() {
     assert!(table.starts_with("## `force_exchange`"), "{table}");
     assert!(table.contains("\n## `position_position`"));
     let page = summary(&[], &rows, 20.0);
-    let heads = page.lines().filter(|line| line.starts_with("| one way, ms |"));
+    let heads = page
+        .lines()
+        .filter(|line| line.starts_with("| one way, ms |"));
     let mut count = 0;
     for head in heads {
-        assert!(head.ends_with("`replica` | | `position_position` | |"), "{head}");
+        assert!(
+            head.ends_with("`replica` | | `position_position` | |"),
+            "{head}"
+        );
         count += 1;
     }
     assert_eq!(count, 4);

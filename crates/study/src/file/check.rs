@@ -44,7 +44,10 @@ fn check_conditions(raw: &RawStudy) -> Result<(), FieldError> {
         valid(&at, standard)?;
         // Both ends, so that no level in between is refused by the server halfway through.
         for bound in raw.stimulus.bounds {
-            valid("/stimulus/bounds", standard.but(raw.stimulus.quantity, bound))?;
+            valid(
+                "/stimulus/bounds",
+                standard.but(raw.stimulus.quantity, bound),
+            )?;
         }
     }
     Ok(())
@@ -138,7 +141,10 @@ fn check_levels(raw: &RawStudy, levels: &[f64], repetitions: u32) -> Result<(), 
     for (number, level) in levels.iter().enumerate() {
         let at = format!("/procedure/levels/{number}");
         check_level(raw, &at, *level)?;
-        if levels[..number].iter().any(|other| other.to_bits() == level.to_bits()) {
+        if levels[..number]
+            .iter()
+            .any(|other| other.to_bits() == level.to_bits())
+        {
             return wrong(&at, level, "a level that is not there yet");
         }
     }
@@ -184,12 +190,7 @@ fn check_name(at: &str, name: &str) -> Result<(), FieldError> {
     Ok(())
 }
 
-fn range<T: PartialOrd + Display>(
-    at: &str,
-    got: T,
-    least: T,
-    most: T,
-) -> Result<(), FieldError> {
+fn range<T: PartialOrd + Display>(at: &str, got: T, least: T, most: T) -> Result<(), FieldError> {
     if least <= got && got <= most {
         return Ok(());
     }

@@ -11,13 +11,13 @@ mod raw;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 use teleclay_proto::http::{
-    FieldError, ImpairmentPatch, MaterialPatch, NetworkPatch, SessionPatch,
+    FieldError, ImpairmentPatch, JitterDistribution, MaterialPatch, NetworkPatch, SessionPatch,
 };
 use teleclay_proto::{Material, Scheme};
 
 pub use raw::{Condition, FitSettings, Line, Procedure, Quantity, Stimulus, Task};
 
-use crate::fit::{Model, Rate};
+use crate::fit::{Model, Rate, STAIRCASE_CORRECTION};
 use crate::run::{Answer, AnswerError};
 use raw::RawStudy;
 
@@ -140,6 +140,10 @@ impl Study {
             guess,
             lapse: fit.lapse_most.map_or(Rate::Fixed(fit.lapse), Rate::UpTo),
             confidence: fit.confidence,
+            correction: match self.raw.procedure {
+                Procedure::Staircase { .. } => STAIRCASE_CORRECTION,
+                _ => 0.0,
+            },
         })
     }
 
@@ -152,9 +156,10 @@ impl Study {
     pub fn digest(&self) -> String {
         let text = serde_json::to_vec(&self.raw).unwrap_or_default();
         let bytes: [u8; 32] = Sha256::digest(&text).into();
-        bytes.iter().take(16).fold(String::new(), |text, byte| {
-            format!("{text}{byte:02x}")
-        })
+        bytes
+            .iter()
+            .take(16)
+            .fold(String::new(), |text, byte| format!("{text}{byte:02x}"))
     }
 
     /// What a condition shows with a level added.
@@ -173,6 +178,7 @@ impl Presentation {
                 jitter_s: Some(self.line.jitter_s),
                 loss: Some(self.line.loss),
                 seed: Some(seed),
+                jitter_distribution: Some(JitterDistribution::Normal),
                 duplicate: Some(0.0),
                 reorder: Some(0.0),
                 burst: Some(None),
