@@ -4,7 +4,7 @@ use std::cell::RefCell;
 use std::fs;
 use std::io::{Cursor, Read, Write};
 use std::net::{TcpListener, TcpStream};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::sync::mpsc;
 
@@ -80,7 +80,7 @@ fn folder(name: &str) -> PathBuf {
 }
 
 /// Types `typed`; how it ended, what was read, and how many answers there are.
-fn conduct(folder: &PathBuf, session: &mut Noted, typed: &str) -> (Result<Ending>, String, usize) {
+fn conduct(folder: &Path, session: &mut Noted, typed: &str) -> (Result<Ending>, String, usize) {
     let study = Study::from_json(STUDY).unwrap();
     let (mut answers, mut run) = Answers::open(folder, &study, 2).unwrap();
     let mut output = Vec::new();

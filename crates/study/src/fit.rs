@@ -10,11 +10,12 @@
 //! 2 (l(best) - max l over everything else, threshold m) <= chi²(1, confidence) (1 + b / trials)
 //! ```
 //!
-//! With `b = 0` its coverage is the stated confidence where there are many trials. With few, the statistic scatters more
-//! widely than chi², by a factor of the form `1 + b / trials` (Bartlett's, [B37]). Levels that are fixed beforehand need
-//! none. A staircase does: it puts its trials where the answers led it, makes the function look steeper than it is, and
-//! the interval too narrow. Its `b` was found by simulation, [`STAIRCASE_CORRECTION`]; `tests/coverage.rs` holds what
-//! comes of it, from both sides, and the program's `simulate` says it of any other study.
+//! With `b = 0` its coverage is the stated confidence where there are many trials. With few, the statistic scatters
+//! more widely than chi², by a factor of the form `1 + b / trials` (Bartlett's, [B37]). Levels that are fixed
+//! beforehand need none. A staircase does: it puts its trials where the answers led it, makes the function look steeper
+//! than it is, and the interval too narrow. Its `b` was found by simulation, [`STAIRCASE_CORRECTION`];
+//! `tests/coverage.rs` holds what comes of it, from both sides, and the program's `simulate` says it of any other
+//! study.
 
 use crate::normal;
 use crate::psychometric::{Psychometric, Shape};
@@ -55,8 +56,8 @@ pub struct Model {
 }
 
 /// `b` of staircases that go down after two or three: of 600 simulated runs each of 60, 80, 120 and 160 trials, the 80,
-/// 90 and 95 % quantiles of the statistic were those of chi² times a factor with `b` of 20 to 40 for steps of a third of
-/// the function's spread, and of 10 to 30 for steps as wide as it.
+/// 90 and 95 % quantiles of the statistic were those of chi² times a factor with `b` of 20 to 40 for steps of a third
+/// of the function's spread, and of 10 to 30 for steps as wide as it.
 pub const STAIRCASE_CORRECTION: f64 = 30.0;
 
 /// The best fit.

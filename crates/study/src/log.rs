@@ -7,8 +7,8 @@
 //! {"withdrawn":true}
 //! ```
 //!
-//! A process that is killed may leave half a line behind. What does not end in a line's end was never answered for good,
-//! and is cut off; anything else that is unreadable is an error.
+//! A process that is killed may leave half a line behind. What does not end in a line's end was never answered for
+//! good, and is cut off; anything else that is unreadable is an error.
 
 use serde::{Deserialize, Serialize};
 

@@ -14,13 +14,13 @@
 //! P = a² w (B w - K sin(w D))            D1 = D2 = D
 //! ```
 //!
-//! which is above zero at every `w` where `K D < B`: [NOBB08]'s condition `4 B² > (D1 + D2)² K²`. Delays that vary count
-//! with the longest, and a lost frame is a longer one. Sampling adds two ticks.
+//! which is above zero at every `w` where `K D < B`: [NOBB08]'s condition `4 B² > (D1 + D2)² K²`. Delays that vary
+//! count with the longest, and a lost frame is a longer one. Sampling adds two ticks.
 //!
 //! At a steady speed `v` through clay that resists with `b v` at the handle's port, the tool is behind the handle by
-//! `v (D1 + (B + b) / K)`, the hand feels `v (K (D1 + D2) + 2 B + b)`, and `v² (K (D1 + D2) + 2 B)` of power stays in the
-//! channel. What it cannot do: let the hand feel the clay as it is. The stiffer the spring, the shorter the line that it
-//! is passive on; the longer the line, the more the hand drags.
+//! `v (D1 + (B + b) / K)`, the hand feels `v (K (D1 + D2) + 2 B + b)`, and `v² (K (D1 + D2) + 2 B)` of power stays in
+//! the channel. What it cannot do: let the hand feel the clay as it is. The stiffer the spring, the shorter the line
+//! that it is passive on; the longer the line, the more the hand drags.
 
 use teleclay_latency::law::OwnScheme;
 use teleclay_link::Vec3;

@@ -1,8 +1,8 @@
 //! The study file: what a study is, read from TOML or JSON, and checked.
 //!
-//! A condition says scheme, line and material; that is the standard. A trial shows the condition with a *level* added to
-//! one quantity of it, and, where two intervals are compared, the condition as it is beside that. What a study may set
-//! is what [`Presentation`] holds, and nothing in it is a bound on force, speed or travel: a study has no words for
+//! A condition says scheme, line and material; that is the standard. A trial shows the condition with a *level* added
+//! to one quantity of it, and, where two intervals are compared, the condition as it is beside that. What a study may
+//! set is what [`Presentation`] holds, and nothing in it is a bound on force, speed or travel: a study has no words for
 //! those, and values beyond the server's own ranges are refused here.
 
 mod check;
@@ -169,8 +169,8 @@ impl Study {
 }
 
 impl Presentation {
-    /// The change of a session that shows it: scheme, line and material, and nothing else. `seeds` are of the line's two
-    /// directions.
+    /// The change of a session that shows it: scheme, line and material, and nothing else. `seeds` are of the line's
+    /// two directions.
     pub fn patch(&self, seeds: [u64; 2]) -> SessionPatch {
         let [up, down] = seeds.map(|seed| {
             Some(ImpairmentPatch {
@@ -183,7 +183,6 @@ impl Presentation {
                 reorder: Some(0.0),
                 burst: Some(None),
                 outage: Some(None),
-                ..ImpairmentPatch::default()
             })
         });
         SessionPatch {
