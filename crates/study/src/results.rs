@@ -149,8 +149,17 @@ pub struct Group {
     pub counts: Vec<Counts>,
     /// Levels at which a staircase turned.
     pub reversals: Vec<f64>,
-    /// Ratings, in the order in which they were given.
-    pub ratings: Vec<u8>,
+    /// Ratings level by level, in the order in which they were given.
+    pub ratings: Vec<Ratings>,
+}
+
+/// What was given for one level.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Ratings {
+    /// The level.
+    pub level: f64,
+    /// The numbers.
+    pub given: Vec<u8>,
 }
 
 /// Reads a table, whoever wrote it: columns may stand in any order, others may be there as well, fields may be quoted.
@@ -230,9 +239,8 @@ pub fn read(text: &str) -> Result<Vec<Group>, TableError> {
             "1" => group.count(shown, 1),
             "" => {
                 let given = row[rating].parse();
-                group
-                    .ratings
-                    .push(given.map_err(|_| wrong(rating, "a rating, where nothing is noticed"))?);
+                let given = given.map_err(|_| wrong(rating, "a rating, where noticed is empty"))?;
+                group.rate(shown, given);
             }
             _ => return Err(wrong(noticed, "1, 0 or nothing")),
         }
@@ -257,6 +265,17 @@ impl Group {
                 level,
                 trials: 1,
                 noticed,
+            }),
+        }
+    }
+
+    fn rate(&mut self, level: f64, given: u8) {
+        let same = |ratings: &&mut Ratings| ratings.level.to_bits() == level.to_bits();
+        match self.ratings.iter_mut().find(same) {
+            Some(ratings) => ratings.given.push(given),
+            None => self.ratings.push(Ratings {
+                level,
+                given: vec![given],
             }),
         }
     }

@@ -219,11 +219,24 @@ fn ratings_are_on_their_scale_and_kept_as_they_were_given() {
     run.simulate(&mut observer(1));
     assert_eq!(run.records().len(), 2 * 9);
     let groups = read(&(results::head(&study) + &results::rows(&run))).unwrap();
-    assert!(
-        groups
-            .iter()
-            .all(|group| group.ratings.len() == 9 && group.counts.is_empty())
-    );
+    for group in &groups {
+        assert!(
+            group.counts.is_empty() && group.ratings.len() == 3,
+            "{group:?}"
+        );
+        for ratings in &group.ratings {
+            assert_eq!(ratings.given.len(), 3);
+            let given = run.records().iter().filter_map(|record| {
+                let is_here = record.condition == group.condition
+                    && record.level.to_bits() == ratings.level.to_bits();
+                match record.answer {
+                    Answer::Rating(rating) if is_here => Some(rating),
+                    _ => None,
+                }
+            });
+            assert_eq!(given.collect::<Vec<_>>(), ratings.given);
+        }
+    }
 }
 
 #[test]
