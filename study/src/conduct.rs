@@ -4,8 +4,9 @@ use std::io::{BufRead, Write};
 use std::time::Instant;
 
 use anyhow::Result;
+use teleclay_study::answer::Answer;
 use teleclay_study::file::{Study, Task};
-use teleclay_study::run::{Answer, Run, Trial};
+use teleclay_study::run::{Run, Trial};
 
 use crate::answers::Answers;
 use crate::session::Shown;

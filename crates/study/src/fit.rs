@@ -99,7 +99,7 @@ pub enum FitError {
     /// More answers than trials.
     #[error("{noticed} of {trials} noticed at level {level}, wanted no more than all")]
     Counts {
-        /// Where.
+        /// The level that has them.
         level: f64,
         /// As given.
         trials: u32,

@@ -6,6 +6,7 @@
 //! | [`file`] | the study file, read and checked |
 //! | [`order`] | who meets which condition when, and the codes that stand for conditions |
 //! | [`procedure`] | which level comes next: constant stimuli, a staircase, ratings |
+//! | [`answer`] | what a participant answers, and how it is typed |
 //! | [`run`] | one participant's way through the study |
 //! | [`log`] | the file of answers, which is all the state that a run has |
 //! | [`results`] | answers as tidy CSV, a row a trial, and back |
@@ -16,6 +17,7 @@
 //!
 //! Chance is a seed, time is an argument: a run that was interrupted goes on where it was, from its answers alone.
 
+pub mod answer;
 mod chance;
 pub mod file;
 pub mod fit;

@@ -90,7 +90,6 @@ mod tests {
         for share in [1e-6, 0.025, 0.5, 0.8, 0.999] {
             assert!((cumulative(quantile(share)) - share).abs() < 1e-14);
         }
-        assert_eq!(quantile(0.0), f64::NEG_INFINITY);
-        assert_eq!(quantile(1.0), f64::INFINITY);
+        assert!(quantile(0.0) < f64::MIN && f64::MAX < quantile(1.0));
     }
 }

@@ -13,8 +13,9 @@
 
 use std::fmt::Write;
 
+use crate::answer::Answer;
 use crate::fit::Counts;
-use crate::run::{Answer, Run};
+use crate::run::Run;
 
 /// Columns before the level and behind it.
 const BEFORE: [&str; 14] = [

@@ -5,50 +5,12 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::answer::{Answer, AnswerError};
 use crate::chance::Chance;
 use crate::file::{Presentation, Procedure, Study, Task};
 use crate::observer::Observer;
 use crate::order;
 use crate::procedure::{Scale, Staircase, StaircaseRule, rounds};
-
-/// What a participant answered.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Answer {
-    /// It was the first interval.
-    First,
-    /// It was the second one.
-    Second,
-    /// It was noticed.
-    Yes,
-    /// It was not.
-    No,
-    /// A number on the scale.
-    Rating(u8),
-}
-
-impl Answer {
-    /// The word for it in results.
-    pub fn word(self) -> String {
-        match self {
-            Self::First => "first".to_owned(),
-            Self::Second => "second".to_owned(),
-            Self::Yes => "yes".to_owned(),
-            Self::No => "no".to_owned(),
-            Self::Rating(rating) => rating.to_string(),
-        }
-    }
-}
-
-/// An answer that is none to the question.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("`{got}` answers nothing here, wanted {wanted}")]
-pub struct AnswerError {
-    /// As given.
-    pub got: String,
-    /// What would do.
-    pub wanted: String,
-}
 
 /// Answers that are not those of this study and participant.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

@@ -1,12 +1,13 @@
 //! Runs of whole studies: blind, reproducible, and going on where they were.
 
 use proptest::prelude::*;
+use teleclay_study::answer::Answer;
 use teleclay_study::file::{Study, Task};
 use teleclay_study::log::{self, LogError};
 use teleclay_study::observer::Observer;
 use teleclay_study::psychometric::{Psychometric, Shape};
 use teleclay_study::results::{self, read};
-use teleclay_study::run::{Answer, Record, Run};
+use teleclay_study::run::{Record, Run};
 
 const STUDY: &str = include_str!("../../../study/examples/late-clay.toml");
 const RATED: &str = include_str!("../../../study/examples/rated-feel.json");

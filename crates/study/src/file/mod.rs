@@ -18,7 +18,6 @@ use teleclay_proto::{Material, Scheme};
 pub use raw::{Condition, FitSettings, Line, Procedure, Quantity, Stimulus, Task};
 
 use crate::fit::{Model, Rate, STAIRCASE_CORRECTION};
-use crate::run::{Answer, AnswerError};
 use raw::RawStudy;
 
 /// Why a file is no study.
@@ -248,39 +247,6 @@ impl Task {
             Self::TwoIntervals => "two_intervals",
             Self::YesNo => "yes_no",
             Self::Rating { .. } => "rating",
-        }
-    }
-
-    /// Reads an answer as it was typed.
-    ///
-    /// # Errors
-    /// It is none to this task; says what would be.
-    pub fn read(self, text: &str) -> Result<Answer, AnswerError> {
-        let text = text.trim().to_lowercase();
-        let answer = match (self, text.as_str()) {
-            (Self::TwoIntervals, "1") => Some(Answer::First),
-            (Self::TwoIntervals, "2") => Some(Answer::Second),
-            (Self::YesNo, "y" | "yes") => Some(Answer::Yes),
-            (Self::YesNo, "n" | "no") => Some(Answer::No),
-            (Self::Rating { least, most }, number) => number
-                .parse()
-                .ok()
-                .filter(|rating| (least..=most).contains(rating))
-                .map(Answer::Rating),
-            _ => None,
-        };
-        answer.ok_or_else(|| AnswerError {
-            got: text,
-            wanted: self.wanted(),
-        })
-    }
-
-    /// What an answer may be.
-    pub fn wanted(self) -> String {
-        match self {
-            Self::TwoIntervals => "1 or 2".to_owned(),
-            Self::YesNo => "yes or no".to_owned(),
-            Self::Rating { least, most } => format!("a number from {least} to {most}"),
         }
     }
 }
