@@ -7,7 +7,9 @@ use teleclay_link::conditioner::{Bursts, Impairment, Outages};
 use teleclay_proto::Scheme;
 use teleclay_session::Lines;
 
-/// Every scheme, in the order in which they are shown.
+use crate::law::Law;
+
+/// Every scheme that sessions have, in the order in which they are shown.
 pub const SCHEMES: [Scheme; 5] = [
     Scheme::ForceExchange,
     Scheme::PositionForce,
@@ -70,8 +72,8 @@ impl Profile {
 /// One cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cell {
-    /// Scheme that couples hand and tool.
-    pub scheme: Scheme,
+    /// What couples hand and tool.
+    pub scheme: Law,
     /// Mean one-way delay, ms.
     pub delay_ms: u32,
     /// Standard deviation of the one-way delay over its mean.
@@ -136,15 +138,16 @@ pub enum Extent {
     Quick,
 }
 
-/// The cells, those of one scheme together.
+/// The cells of the schemes that sessions have, those of one scheme together.
 pub fn cells(extent: Extent) -> Vec<Cell> {
     SCHEMES
         .into_iter()
-        .flat_map(|scheme| cells_of(scheme, extent))
+        .flat_map(|scheme| cells_of(scheme.into(), extent))
         .collect()
 }
 
-fn cells_of(scheme: Scheme, extent: Extent) -> Vec<Cell> {
+/// The cells of one scheme.
+pub fn cells_of(scheme: Law, extent: Extent) -> Vec<Cell> {
     let cell = |delay_ms, jitter_ratio, loss, profile| Cell {
         scheme,
         delay_ms,
@@ -177,7 +180,7 @@ fn cells_of(scheme: Scheme, extent: Extent) -> Vec<Cell> {
     };
     for profile in own.iter().skip(1) {
         // Other schemes keep one clay: there a second writer is one more force, not a difference.
-        if *profile == Profile::SecondWriter && scheme != Scheme::Replica {
+        if *profile == Profile::SecondWriter && !scheme.keeps_a_copy() {
             continue;
         }
         for &delay_ms in profile_delays {

@@ -7,10 +7,10 @@ use teleclay_clay::UNITS_PER_VOXEL;
 use teleclay_link::replica::CorrectionLimiter;
 use teleclay_link::scheme::ClayCopy;
 use teleclay_link::time::Timestamp;
-use teleclay_proto::Scheme;
 use teleclay_sim::rig::{Rig, RigError};
 
 use crate::cell::{self, Cell, Profile};
+use crate::law::Law;
 use crate::task;
 
 /// The just noticeable difference of a force, a yardstick from the literature.
@@ -148,8 +148,8 @@ fn measure(
         correction_steps_n: std::mem::take(&mut probe.correction_steps_n),
         earned_j: limiter.map_or(0.0, CorrectionLimiter::earned_j),
         injected_j: limiter.map_or(0.0, CorrectionLimiter::injected_j),
-        hidden_force_nrmse: (cell.scheme == Scheme::Replica).then(|| probe.hidden_force_nrmse()),
-        clay_identical: (cell.scheme == Scheme::Replica).then(|| is_one_clay(&rig)),
+        hidden_force_nrmse: (cell.scheme.keeps_a_copy()).then(|| probe.hidden_force_nrmse()),
+        clay_identical: (cell.scheme.keeps_a_copy()).then(|| is_one_clay(&rig)),
         packets_per_s: packets,
         bytes_per_s: bytes,
         ..reference.map_or_else(Outcome::default, |reference| probe.track.against(reference))
@@ -158,10 +158,10 @@ fn measure(
 }
 
 /// Handles rest until everything under way has arrived.
-fn drain(rig: &mut Rig, scheme: Scheme) {
+fn drain(rig: &mut Rig, scheme: Law) {
     rig.hold_handles_fast();
     // The copy's sweeps may have to be sent several times over; elsewhere the last frame is all there is.
-    rig.run_for(if scheme == Scheme::Replica {
+    rig.run_for(if scheme.keeps_a_copy() {
         Duration::from_secs(5)
     } else {
         Duration::from_secs(1)

@@ -47,7 +47,7 @@ pub fn rig(cell: &Cell, seed: u64) -> Result<Rig, RigError> {
     let home_m = [BLOCK_M[0] / 2.0, BLOCK_M[1] / 2.0, BLOCK_M[2] - DEPTH_M];
     let setup = Setup {
         parameters: LoopParameters {
-            scheme: cell.scheme,
+            scheme: cell.scheme.goes_under(),
             axes: Axes::Two,
             home_m,
             // The paper's.
@@ -75,7 +75,7 @@ pub fn rig(cell: &Cell, seed: u64) -> Result<Rig, RigError> {
         }],
         _ => Vec::new(),
     };
-    Rig::with_further(setup, further)
+    Rig::with_controllers(setup, further, cell.scheme.controllers())
 }
 
 /// What the muscles of every operator do, one push after another.

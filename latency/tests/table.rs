@@ -11,7 +11,7 @@ const SEEDS: [u64; 2] = [1, 2];
 
 fn cell(scheme: Scheme, delay_ms: u32) -> Cell {
     Cell {
-        scheme,
+        scheme: scheme.into(),
         delay_ms,
         jitter_ratio: 0.0,
         loss: 0.0,

@@ -2,8 +2,7 @@
 
 use std::fmt::Write;
 
-use super::{distinct, of_scheme};
-use crate::cell::SCHEMES;
+use super::{distinct, of_scheme, schemes};
 use crate::table::Row;
 
 /// What a heatmap shows.
@@ -61,9 +60,8 @@ const BAR_STEPS: u32 = 24;
 /// The picture of a measure at one jitter, or nothing when no row has it.
 pub fn heatmap(rows: &[Row], measure: &Measure, jitter_ratio: f64) -> Option<String> {
     let at_jitter = |row: &&Row| row.jitter_ratio.to_bits() == jitter_ratio.to_bits();
-    let schemes: Vec<String> = SCHEMES
-        .iter()
-        .map(ToString::to_string)
+    let schemes: Vec<&str> = schemes(rows)
+        .into_iter()
         .filter(|scheme| of_scheme(rows, scheme).any(|row| at_jitter(&row)))
         .collect();
     let all: Vec<&Row> = schemes

@@ -2,8 +2,8 @@
 
 use std::fmt::Write;
 
-use super::{distinct, of_scheme, percent};
-use crate::cell::{Profile, SCHEMES};
+use super::{distinct, of_scheme, percent, schemes};
+use crate::cell::Profile;
 use crate::table::Row;
 use crate::wall::WallRow;
 
@@ -52,8 +52,8 @@ pub fn markdown(walls: &[WallRow], rows: &[Row]) -> String {
     let mut text = String::new();
     // Writing into a string does not fail.
     let _ = write_walls(&mut text, walls);
-    for scheme in SCHEMES.map(|scheme| scheme.to_string()) {
-        let _ = write_scheme(&mut text, rows, &scheme);
+    for scheme in schemes(rows) {
+        let _ = write_scheme(&mut text, rows, scheme);
     }
     let _ = write_profiles(&mut text, rows);
     text

@@ -10,13 +10,25 @@ pub use heatmap::{Measure, heatmap};
 pub use markdown::markdown;
 pub use summary::summary;
 
-use crate::cell::Profile;
+use crate::cell::{Profile, SCHEMES};
 use crate::table::Row;
 
 /// The rows of the grid of one scheme, without the special lines.
 fn of_scheme<'a>(rows: &'a [Row], scheme: &'a str) -> impl Iterator<Item = &'a Row> {
     rows.iter()
         .filter(move |row| row.scheme == scheme && row.profile == Profile::Iid)
+}
+
+/// The schemes that occur: those that sessions have, then others in the order of their rows.
+fn schemes(rows: &[Row]) -> Vec<&str> {
+    let mut words: Vec<&str> = SCHEMES.iter().map(|scheme| scheme.word()).collect();
+    words.retain(|word| rows.iter().any(|row| row.scheme == *word));
+    for row in rows {
+        if !words.contains(&row.scheme.as_str()) {
+            words.push(&row.scheme);
+        }
+    }
+    words
 }
 
 /// Values that occur, in order, each once.

@@ -3,8 +3,8 @@
 
 use std::fmt::Write;
 
-use super::{distinct, of_scheme, percent};
-use crate::cell::{Profile, SCHEMES};
+use super::{distinct, of_scheme, percent, schemes};
+use crate::cell::Profile;
 use crate::table::Row;
 use crate::wall::WallRow;
 
@@ -165,9 +165,8 @@ fn write_claims(
 }
 
 fn write_measure(text: &mut String, rows: &[Row], measure: &Measure) -> std::fmt::Result {
-    let schemes: Vec<String> = SCHEMES
-        .iter()
-        .map(ToString::to_string)
+    let schemes: Vec<&str> = schemes(rows)
+        .into_iter()
         .filter(|scheme| of_scheme(rows, scheme).next().is_some())
         .collect();
     let grid = || rows.iter().filter(|row| row.profile == Profile::Iid);
@@ -217,7 +216,7 @@ fn write_costs(text: &mut String, rows: &[Row]) -> std::fmt::Result {
         "| scheme | cells with u in any seed | of | first at, one way | least energy, mJ | frames/s | kB/s on a steady line | kB/s at most |"
     )?;
     writeln!(text, "|---|---:|---:|---:|---:|---:|---:|---:|")?;
-    for scheme in SCHEMES.map(|scheme| scheme.to_string()) {
+    for scheme in schemes(rows) {
         let of: Vec<&Row> = rows
             .iter()
             .filter(|row| row.scheme == scheme && row.profile != Profile::SecondWriter)

@@ -1,7 +1,7 @@
 //! The rooms, and which of them each one uses.
 
 /// Which rooms each room uses, tests of it included: exactly these.
-pub(crate) const USES: [(&str, &[&str]); 36] = [
+pub(crate) const USES: [(&str, &[&str]); 39] = [
     ("control", &[]),
     ("kinematics", &[]),
     ("clay", &[]),
@@ -37,6 +37,8 @@ pub(crate) const USES: [(&str, &[&str]); 36] = [
         ],
     ),
     ("mesh", &["clay"]),
+    ("study", &["proto"]),
+    ("study-program", &["study"]),
     ("history", &["clay", "link", "proto", "session"]),
     (
         "keeping",
@@ -105,6 +107,12 @@ pub(crate) const USES: [(&str, &[&str]); 36] = [
         "latency",
         &[
             "clay", "control", "link", "operator", "proto", "session", "sim",
+        ],
+    ),
+    (
+        "position-position",
+        &[
+            "clay", "latency", "link", "operator", "proto", "session", "sim",
         ],
     ),
     ("shell", &["doors", "link", "proto"]),

@@ -24,7 +24,7 @@ use teleclay_link::round_trip::RoundTrip;
 use teleclay_link::safety::{ForceLimiter, Implausible, Measure, Persistence, Watchdog, check};
 use teleclay_link::scheme::replica::{Snapshot, WantedSnapshot};
 use teleclay_link::scheme::{
-    ClayCopy, HandleController, HandlePort, SchemeContext, handle_controller,
+    ClayCopy, Controllers, HandleController, HandlePort, SchemeContext, handle_controller,
 };
 use teleclay_link::time::Timestamp;
 use teleclay_proto::Scheme;
@@ -104,7 +104,8 @@ pub struct HandleStep {
 /// 4. Everything else is a getter; [`wanted_snapshot`](Self::wanted_snapshot) and
 ///    [`wanted_controller`](Self::wanted_controller) say what to bring.
 ///
-/// None of these allocates, but for [`code_perceptually`](Self::code_perceptually), [`restock`](Self::restock) and [`new`](Self::new).
+/// None of these allocates, but for [`code_perceptually`](Self::code_perceptually), [`restock`](Self::restock), [`new`](Self::new)
+/// and [`with_controllers`](Self::with_controllers).
 pub struct HandleSide {
     model: LoopModel,
     controller: Box<dyn HandleController>,
@@ -157,6 +158,19 @@ impl HandleSide {
     /// # Errors
     /// The parameters make no loop.
     pub fn new(parameters: &LoopParameters, lease: Lease) -> Result<Self, ParameterError> {
+        Self::with_controllers(parameters, lease, &parameters.scheme)
+    }
+
+    /// Likewise, with a controller that was made elsewhere. Its frames go under the word of the parameters' scheme, and
+    /// it takes in those that come under that word.
+    ///
+    /// # Errors
+    /// The parameters make no loop.
+    pub fn with_controllers(
+        parameters: &LoopParameters,
+        lease: Lease,
+        controllers: &dyn Controllers,
+    ) -> Result<Self, ParameterError> {
         let model = LoopModel::new(parameters)?;
         let header = Header {
             lease: lease.number,
@@ -166,7 +180,7 @@ impl HandleSide {
             ..Header::default()
         };
         let mut side = Self {
-            controller: handle_controller(parameters.scheme, &model.context),
+            controller: controllers.handle(&model.context),
             scheme: parameters.scheme,
             spares: [const { None }; Scheme::ALL.len()],
             scheme_since: 0,

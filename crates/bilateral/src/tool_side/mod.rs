@@ -26,7 +26,7 @@ use teleclay_link::replica::{CorrectionLimiter, Cut, ToolSetup};
 use teleclay_link::round_trip::RoundTrip;
 use teleclay_link::safety::{Implausible, Persistence, Watchdog};
 use teleclay_link::scheme::replica::MergeContext;
-use teleclay_link::scheme::{Generation, ToolController, tool_controller};
+use teleclay_link::scheme::{Controllers, Generation, ToolController};
 use teleclay_link::time::Timestamp;
 use teleclay_proto::Scheme;
 use teleclay_proto::frame::{Engagement, Header, LoopStatus, ToolFrame};
@@ -73,7 +73,8 @@ pub struct ToolStep {
 ///    handle.
 /// 4. Everything else is a getter.
 ///
-/// None of these allocates, but for [`code_perceptually`](Self::code_perceptually) and [`new`](Self::new).
+/// None of these allocates, but for [`code_perceptually`](Self::code_perceptually), [`new`](Self::new) and
+/// [`with_controllers`](Self::with_controllers).
 pub struct ToolSide {
     model: LoopModel,
     controller: Box<dyn ToolController>,
@@ -130,6 +131,18 @@ impl ToolSide {
     /// # Errors
     /// The parameters make no loop.
     pub fn new(parameters: &LoopParameters, lease: u32) -> Result<Self, ParameterError> {
+        Self::with_controllers(parameters, lease, &parameters.scheme)
+    }
+
+    /// Likewise, with a controller that was made elsewhere. Its frames go under the word of the parameters' scheme.
+    ///
+    /// # Errors
+    /// The parameters make no loop.
+    pub fn with_controllers(
+        parameters: &LoopParameters,
+        lease: u32,
+        controllers: &dyn Controllers,
+    ) -> Result<Self, ParameterError> {
         let model = LoopModel::new(parameters)?;
         let header = Header {
             lease,
@@ -138,7 +151,7 @@ impl ToolSide {
             ..Header::default()
         };
         let mut side = Self {
-            controller: tool_controller(parameters.scheme, &model.context),
+            controller: controllers.tool(&model.context),
             scheme: parameters.scheme,
             contact: ContactState::default(),
             inverse: [State::default(); 3],

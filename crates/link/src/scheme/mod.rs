@@ -294,6 +294,36 @@ pub struct SchemeContext {
     pub setup: Arc<ToolSetup>,
 }
 
+/// Makes the controllers of a scheme: of one that sessions have, [`Scheme`], or of one that is defined elsewhere. What
+/// the controllers must keep to stands in docs/schemes.md.
+pub trait Controllers: Send + Sync {
+    /// The handle's controller, at rest.
+    fn handle(&self, context: &SchemeContext) -> Box<dyn HandleController>;
+
+    /// The tool's controller, at rest with the handle at home.
+    fn tool(&self, context: &SchemeContext) -> Box<dyn ToolController>;
+}
+
+impl Controllers for Scheme {
+    fn handle(&self, context: &SchemeContext) -> Box<dyn HandleController> {
+        handle_controller(*self, context)
+    }
+
+    fn tool(&self, context: &SchemeContext) -> Box<dyn ToolController> {
+        tool_controller(*self, context)
+    }
+}
+
+impl<C: Controllers + ?Sized> Controllers for &C {
+    fn handle(&self, context: &SchemeContext) -> Box<dyn HandleController> {
+        (**self).handle(context)
+    }
+
+    fn tool(&self, context: &SchemeContext) -> Box<dyn ToolController> {
+        (**self).tool(context)
+    }
+}
+
 /// The handle's controller of a scheme, at rest.
 pub fn handle_controller(scheme: Scheme, context: &SchemeContext) -> Box<dyn HandleController> {
     let coupling = context.coupling.clone();

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use teleclay_bilateral::{HandleSide, HandleStep, Lease, LinkState, ToolSide};
+use teleclay_bilateral::{HandleSide, HandleStep, LinkState, ToolSide};
 use teleclay_clay::Clay;
 use teleclay_device::DeviceSample;
 use teleclay_link::Vec3;
@@ -62,12 +62,11 @@ impl Hand {
     pub(super) fn new(
         parameters: &LoopParameters,
         intent: Intent,
-        lease: Lease,
+        mut handle: HandleSide,
         clay: &Clay,
     ) -> Result<Self, RigError> {
         let axes = axes_of(parameters);
-        let mut handle = HandleSide::new(parameters, lease)?;
-        if parameters.scheme.keeps_a_copy() {
+        if handle.clay_copy().is_some() {
             // The clay comes with the lease.
             handle.handle_snapshot(Snapshot {
                 clay: Box::new(clay.clone()),

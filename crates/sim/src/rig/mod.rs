@@ -12,7 +12,10 @@
 mod ear;
 mod halt;
 mod hand;
+mod own;
+mod snapshots;
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use teleclay_bilateral::{HandleSide, HandleStep, Lease, ParameterError, ToolSide};
@@ -20,8 +23,7 @@ use teleclay_clay::Clay;
 use teleclay_device::DeviceSample;
 use teleclay_link::conditioner::{Conditioner, Impairment, Stall};
 use teleclay_link::deadband::{DeadbandError, DeadbandSettings};
-use teleclay_link::scheme::ClayCopy;
-use teleclay_link::scheme::replica::Snapshot;
+use teleclay_link::scheme::{ClayCopy, Controllers};
 use teleclay_link::time::Timestamp;
 use teleclay_operator::{Axes, Intent, SimulatedHandle, SimulatedHandleError};
 use teleclay_proto::frame::{HandleFrame, ToolFrame};
@@ -35,7 +37,8 @@ use teleclay_session::{
 pub use ear::Ear;
 pub use halt::Halt;
 use halt::{Halted, noticed_since};
-use hand::{Clock, Hand, UnderWay};
+use hand::{Clock, Hand};
+use own::{OwnScheme, controllers};
 
 /// Most frames that one tick can deliver to a handle.
 const INBOX: usize = 8192;
@@ -103,6 +106,7 @@ pub struct Rig {
     /// What stands between the lines and the programs, once a test asks for it.
     wires: Vec<Wires>,
     ear: Option<Box<dyn Ear>>,
+    own: Option<OwnScheme>,
 }
 
 /// A direction each of a network that only stalls, with room for all that a test holds back.
@@ -136,6 +140,27 @@ impl Rig {
     /// # Errors
     /// Parameters that make no loop.
     pub fn with_further(setup: Setup, further: Vec<Further>) -> Result<Self, RigError> {
+        Self::assemble(setup, further, None)
+    }
+
+    /// Several operators in one clay, under a scheme that was made elsewhere. On virtual time nobody reads a scheme's
+    /// word: the frames go under that of the setup's parameters, until the rig changes to another scheme.
+    ///
+    /// # Errors
+    /// Parameters that make no loop.
+    pub fn with_controllers(
+        setup: Setup,
+        further: Vec<Further>,
+        controllers: Arc<dyn Controllers>,
+    ) -> Result<Self, RigError> {
+        Self::assemble(setup, further, Some(controllers))
+    }
+
+    fn assemble(
+        setup: Setup,
+        further: Vec<Further>,
+        own: Option<Arc<dyn Controllers>>,
+    ) -> Result<Self, RigError> {
         let Setup {
             parameters,
             clay,
@@ -162,10 +187,15 @@ impl Rig {
             first_lease: 1,
             ownership_epoch: 1,
         });
+        let own = own.map(|controllers| OwnScheme {
+            goes_under: parameters.scheme,
+            controllers,
+        });
         let mut hands = Vec::with_capacity(operators.len());
         for (number, (parameters, intent)) in operators.into_iter().enumerate() {
             let operator = operator(number);
-            let side = ToolSide::new(&parameters, 0)?;
+            let controllers = controllers(own.as_ref(), &parameters.scheme);
+            let side = ToolSide::with_controllers(&parameters, 0, controllers)?;
             let outcome =
                 session.handle_command(now, &mut Prepared::join(&operator, side, None))?;
             let lease = Lease {
@@ -176,7 +206,8 @@ impl Rig {
                 revision: outcome.revision as u32,
                 ..parameters
             };
-            hands.push(Hand::new(&parameters, intent, lease, &clay)?);
+            let handle = HandleSide::with_controllers(&parameters, lease, controllers)?;
+            hands.push(Hand::new(&parameters, intent, handle, &clay)?);
         }
         let tick = Duration::from_secs_f64(parameters.tick_s);
         Ok(Self {
@@ -193,6 +224,7 @@ impl Rig {
             events: Vec::new(),
             wires: Vec::new(),
             ear: None,
+            own,
         })
     }
 
@@ -284,42 +316,6 @@ impl Rig {
         while self.session.poll_retired().is_some() {}
     }
 
-    fn deliver_snapshots(&mut self) {
-        let now = self.now;
-        for hand in &mut self.hands {
-            if let Some(wanted) = hand.handle.wanted_snapshot() {
-                let is_new = hand
-                    .snapshot
-                    .as_ref()
-                    .is_none_or(|under_way| under_way.number != wanted.number);
-                if is_new {
-                    let taken = now.after(self.lines.up.delay);
-                    hand.snapshot = Some(UnderWay {
-                        number: wanted.number,
-                        taken,
-                        due: taken.after(self.lines.down.delay),
-                        snapshot: None,
-                    });
-                }
-            }
-            let Some(under_way) = &mut hand.snapshot else {
-                continue;
-            };
-            if under_way.snapshot.is_none() && under_way.taken <= now {
-                under_way.snapshot = Some(Snapshot {
-                    clay: Box::new(self.session.clay().clone()),
-                    epoch: self.session.clay_epoch(),
-                });
-            }
-            if under_way.due <= now
-                && let Some(snapshot) = under_way.snapshot.take()
-            {
-                hand.handle.handle_snapshot(snapshot);
-                hand.snapshot = None;
-            }
-        }
-    }
-
     /// Ticks until `span` has passed.
     pub fn run_for(&mut self, span: Duration) {
         let end = self.now.after(span);
@@ -407,6 +403,10 @@ impl Rig {
     /// # Panics
     /// The session refuses.
     pub fn patch(&mut self, patch: SessionPatch) {
+        let scheme = self.session.settings().parameters.scheme;
+        if patch.scheme.is_some_and(|other| other != scheme) {
+            self.own = None;
+        }
         let changed = self.session.carry_out(self.now, &Command::Patch { patch });
         changed.expect("a rig changes to what can be");
     }
@@ -531,7 +531,9 @@ impl Rig {
     pub fn renew_lease(&mut self, slot: usize) -> Result<(), Refusal> {
         let operator = operator(slot);
         let parameters = self.session.settings().parameters;
-        let side = ToolSide::new(&parameters, 0).expect("a session's parameters make a loop");
+        let controllers = controllers(self.own.as_ref(), &parameters.scheme);
+        let side = ToolSide::with_controllers(&parameters, 0, controllers)
+            .expect("a session's parameters make a loop");
         let mut prepared = Prepared::join(&operator, side, None);
         let outcome = self.session.handle_command(self.now, &mut prepared)?;
         let granted = outcome.granted.expect(ATTACHED);
