@@ -101,12 +101,7 @@ pub fn run_on(rig: Rig, cell: &Cell, seed: u64, reference: &Track) -> Outcome {
     measure(rig, cell, seed, Some(reference)).1
 }
 
-fn measure(
-    mut rig: Rig,
-    cell: &Cell,
-    seed: u64,
-    reference: Option<&Track>,
-) -> (Track, Outcome) {
+fn measure(mut rig: Rig, cell: &Cell, seed: u64, reference: Option<&Track>) -> (Track, Outcome) {
     rig.run_for(task::START);
     let began = rig.traffic();
     let mut probe = Probe::default();

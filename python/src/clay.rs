@@ -115,7 +115,10 @@ impl Clay {
         Ok((
             array(py, forces.collect()),
             array(py, each(|worked| worked.response.engaged_area_m2)),
-            array(py, worked.iter().map(|worked| worked.removed_units).collect()),
+            array(
+                py,
+                worked.iter().map(|worked| worked.removed_units).collect(),
+            ),
             array(py, each(|worked| worked.response.stored_j)),
             array(py, each(|worked| worked.response.dissipated_j)),
         ))

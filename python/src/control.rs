@@ -146,10 +146,11 @@ pub(crate) fn growth<'py>(
     };
     let clays = numbers(&clay_damping_n_s_per_m)?;
     let delays = numbers(&round_trip_s)?;
-    if let Some(delay_s) = delays.iter().find(|delay_s| !(0.0..=10.0).contains(*delay_s)) {
-        return Err(refused(format!(
-            "{delay_s} is not a number from 0 to 10"
-        )));
+    if let Some(delay_s) = delays
+        .iter()
+        .find(|delay_s| !(0.0..=10.0).contains(*delay_s))
+    {
+        return Err(refused(format!("{delay_s} is not a number from 0 to 10")));
     }
     let found = py.detach(|| {
         let (mut grown, mut margins) = (Vec::new(), Vec::new());

@@ -28,7 +28,13 @@ impl Missing {
 
 /// Lengths in m, then the directions of the arms in degrees, in the order of REST's `RobotGeometry`.
 fn geometry(raw: [f64; 7]) -> PyResult<Geometry> {
-    let [base_radius_m, platform_radius_m, upper_link_m, lower_link_m, angles_deg @ ..] = raw;
+    let [
+        base_radius_m,
+        platform_radius_m,
+        upper_link_m,
+        lower_link_m,
+        angles_deg @ ..,
+    ] = raw;
     Geometry::new(Dimensions {
         base_radius_m,
         platform_radius_m,

@@ -30,7 +30,9 @@ mod _native {
     #[pymodule_export]
     use super::clay::Clay;
     #[pymodule_export]
-    use super::control::{critical_stiffness, frequency_response, growth, passive_stiffness, plants, respond};
+    use super::control::{
+        critical_stiffness, frequency_response, growth, passive_stiffness, plants, respond,
+    };
     #[pymodule_export]
     use super::hand::{Hand, NotGranted};
     #[pymodule_export]

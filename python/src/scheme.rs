@@ -125,7 +125,10 @@ impl End {
         let heard = self.heard.take().map(|heard| array(py, heard.to_vec()));
         let now_s = now.as_nanos() as f64 * 1e-9;
         let port = array(py, numbers.collect());
-        let given: [f64; GIVEN] = self.step.call1(py, (now_s, port, heard, gain))?.extract(py)?;
+        let given: [f64; GIVEN] = self
+            .step
+            .call1(py, (now_s, port, heard, gain))?
+            .extract(py)?;
         match given.iter().position(|number| !number.is_finite()) {
             Some(at) => Err(refused(format!(
                 "a scheme of one's own gave {} for number {at} of {GIVEN}",

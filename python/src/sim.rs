@@ -61,12 +61,7 @@ impl Rig {
 
     /// Runs so many ticks. Of every `every`th: time, s; force of the hand, felt force, force of the clay, N; positions of
     /// handle and tool, m; their velocities, m/s; energy in the channel, J.
-    fn run<'py>(
-        &self,
-        py: Python<'py>,
-        ticks: u64,
-        every: u64,
-    ) -> PyResult<Made<'py, f64>> {
+    fn run<'py>(&self, py: Python<'py>, ticks: u64, every: u64) -> PyResult<Made<'py, f64>> {
         if MOST_TICKS < ticks || every == 0 {
             return Err(refused(format!(
                 "{ticks} ticks, of which every {every}th is kept, need {MOST_TICKS} at most and every first at least"
@@ -283,7 +278,9 @@ pub(crate) fn latency_cell(
         }
     };
     if 1000 < delay_ms {
-        return Err(refused(format!("delay_ms is {delay_ms}, need 1000 at most")));
+        return Err(refused(format!(
+            "delay_ms is {delay_ms}, need 1000 at most"
+        )));
     }
     let named = match own {
         Some(_) => Scheme::ForceExchange,

@@ -31,9 +31,7 @@ pub(crate) fn theory(py: Python<'_>, call: &str, body: &str) -> PyResult<String>
         "cutting" => {
             let request = parse(body).map_err(refused)?;
             let mut patience = Patience::new();
-            let answer = py.detach(|| {
-                teleclay_theory::cutting(&request, |_| patience.lasts())
-            });
+            let answer = py.detach(|| teleclay_theory::cutting(&request, |_| patience.lasts()));
             patience.judged(answer)
         }
         "workspace" => {

@@ -19,6 +19,7 @@ patience has the hand let go of: at once, by Rust, whatever Python is doing. :fu
 """
 
 import threading
+import time
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -203,9 +204,11 @@ def operate(
     thread.start()
     try:
         # In short waits, so that Ctrl-C and a late law are seen.
-        left_s = np.inf if duration_s is None else duration_s
-        while 0 < left_s and hand.is_running and not hand.was_late and not thread.is_over.wait(min(_LOOK_S, left_s)):
-            left_s -= _LOOK_S
+        ends_s = time.monotonic() + (np.inf if duration_s is None else duration_s)
+        while hand.is_running and not hand.was_late:
+            left_s = ends_s - time.monotonic()
+            if left_s <= 0 or thread.is_over.wait(min(_LOOK_S, left_s)):
+                break
     finally:
         thread.stop()
         word, reason, counts = hand.finish()

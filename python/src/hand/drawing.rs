@@ -76,7 +76,8 @@ impl Drawing {
         } else {
             // The grip is closed with the device at the handle, so that places are the handle's own.
             let velocity_m_s = pointer.side().frame().velocity_m_s;
-            let waits_s = now_ns.saturating_sub(*self.waits_since_ns.get_or_insert(now_ns)) as f64 * 1e-9;
+            let waits_s =
+                now_ns.saturating_sub(*self.waits_since_ns.get_or_insert(now_ns)) as f64 * 1e-9;
             self.place_m = view.handle_m;
             if norm(velocity_m_s) < AT_REST_M_S || LONGEST_WAIT_S < waits_s {
                 pointer.hold();

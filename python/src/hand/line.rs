@@ -135,7 +135,9 @@ impl Line {
             Some("http") => return Err(NoLine::InTheClear { host }),
             _ => return Err(of_address(&"it begins with neither http:// nor https://")),
         };
-        let port = uri.port_u16().unwrap_or(if is_encrypted { 443 } else { 80 });
+        let port = uri
+            .port_u16()
+            .unwrap_or(if is_encrypted { 443 } else { 80 });
         let unreached = |detail: &dyn std::fmt::Display| NoLine::Unreached {
             host: host.clone(),
             detail: detail.to_string(),
@@ -151,7 +153,10 @@ impl Line {
         };
         let authority = uri.authority().map_or("", |authority| authority.as_str());
         let scheme = if is_encrypted { "wss" } else { "ws" };
-        let stream_url = format!("{scheme}://{authority}/api/v1/sessions/{}/stream", to.session);
+        let stream_url = format!(
+            "{scheme}://{authority}/api/v1/sessions/{}/stream",
+            to.session
+        );
         let mut request = stream_url
             .into_client_request()
             .map_err(|error| of_address(&error))?;
@@ -167,10 +172,10 @@ impl Line {
         let (socket, _) = tungstenite::client(request, stream).map_err(|error| match error {
             HandshakeError::Failure(Error::Http(answer)) => NoLine::Refused {
                 status: answer.status().as_u16(),
-                detail: answer.body().as_deref().map_or_else(
-                    || answer.status().to_string(),
-                    detail_of_problem,
-                ),
+                detail: answer
+                    .body()
+                    .as_deref()
+                    .map_or_else(|| answer.status().to_string(), detail_of_problem),
             },
             error => unreached(&error),
         })?;
@@ -287,6 +292,8 @@ fn trust(authority: Option<&str>) -> Result<Arc<ClientConfig>, NoLine> {
 /// What a body of `application/problem+json` says.
 fn detail_of_problem(body: &[u8]) -> String {
     let problem: Option<serde_json::Value> = serde_json::from_slice(body).ok();
-    let detail = problem.as_ref().and_then(|problem| problem["detail"].as_str());
+    let detail = problem
+        .as_ref()
+        .and_then(|problem| problem["detail"].as_str());
     detail.map_or_else(|| String::from_utf8_lossy(body).into_owned(), str::to_owned)
 }

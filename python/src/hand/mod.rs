@@ -14,8 +14,8 @@ mod drawing;
 mod line;
 mod thread;
 
-use std::sync::Arc;
 use std::sync::atomic::Ordering;
+use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -97,14 +97,14 @@ enum NotJoined {
 /// What Python reads once a hand is over: a word, the reason in full, and counts by name.
 type Told = (&'static str, String, Vec<(&'static str, u64)>);
 
-/// A hand that holds a tool.
-#[pyclass]
+/// A hand that holds a tool. Several threads of Python use it at once.
+#[pyclass(frozen)]
 pub(crate) struct Hand {
     shared: Arc<Shared>,
-    rows: std::sync::Mutex<Consumer<Row>>,
-    intents: std::sync::Mutex<Producer<Intent>>,
-    thread: Option<JoinHandle<Report>>,
-    told: Option<Told>,
+    rows: Mutex<Consumer<Row>>,
+    intents: Mutex<Producer<Intent>>,
+    thread: Mutex<Option<JoinHandle<Report>>>,
+    told: Mutex<Option<Told>>,
     tool: u32,
 }
 
@@ -141,7 +141,9 @@ impl Hand {
             Ok::<_, NotJoined>((line, joined))
         });
         let (line, joined) = begun.map_err(|error| match error {
-            NotJoined::Line(NoLine::Address { .. } | NoLine::InTheClear { .. } | NoLine::Authority { .. }) => refused(error),
+            NotJoined::Line(
+                NoLine::Address { .. } | NoLine::InTheClear { .. } | NoLine::Authority { .. },
+            ) => refused(error),
             NotJoined::Refused { .. } | NotJoined::Line(NoLine::Refused { .. }) => {
                 NotGranted::new_err(error.to_string())
             }
@@ -175,8 +177,8 @@ impl Hand {
             shared,
             rows: row_consumer.into(),
             intents: intent_producer.into(),
-            thread: Some(thread),
-            told: None,
+            thread: Some(thread).into(),
+            told: None.into(),
             tool,
         })
     }
@@ -190,7 +192,8 @@ impl Hand {
     /// Whether the loop still runs.
     #[getter]
     fn is_running(&self) -> bool {
-        self.thread.as_ref().is_some_and(|thread| !thread.is_finished())
+        let thread = self.thread.lock().ok();
+        thread.is_some_and(|thread| thread.as_ref().is_some_and(|thread| !thread.is_finished()))
     }
 
     /// Whether the hand was let go of because the law was late.
@@ -254,15 +257,19 @@ impl Hand {
     }
 
     /// Lets go, brings the handle to rest and gives the tool back. Waits for that, and tells how it went.
-    fn finish(&mut self, py: Python<'_>) -> PyResult<Told> {
+    fn finish(&self, py: Python<'_>) -> PyResult<Told> {
         self.shared.leave.store(true, Ordering::Relaxed);
-        if let Some(thread) = self.thread.take() {
+        let thread = self.thread.lock().map_err(refused)?.take();
+        if let Some(thread) = thread {
             let report = py.detach(|| thread.join()).map_err(|_| {
-                PyRuntimeError::new_err("the hand's thread has broken; the server lets go by itself")
+                PyRuntimeError::new_err(
+                    "the hand's thread has broken; the server lets go by itself",
+                )
             })?;
-            self.told = Some(told(&report));
+            *self.told.lock().map_err(refused)? = Some(told(&report));
         }
-        self.told.clone().ok_or_else(|| PyRuntimeError::new_err("this hand is over"))
+        let told = self.told.lock().map_err(refused)?.clone();
+        told.ok_or_else(|| PyRuntimeError::new_err("this hand is being waited for elsewhere"))
     }
 }
 
@@ -279,7 +286,7 @@ impl Drop for Hand {
     /// The thread never asks for Python's lock, and is over in two seconds at most.
     fn drop(&mut self) {
         self.shared.leave.store(true, Ordering::Relaxed);
-        if let Some(thread) = self.thread.take() {
+        if let Some(thread) = self.thread.get_mut().ok().and_then(Option::take) {
             let _ = thread.join();
         }
     }

@@ -82,11 +82,17 @@ impl Clock {
 enum Stage {
     Working,
     /// The hand comes off the handle.
-    LettingGo { until_ns: u64 },
+    LettingGo {
+        until_ns: u64,
+    },
     /// The handle comes to rest.
-    Resting { until_ns: u64 },
+    Resting {
+        until_ns: u64,
+    },
     /// The server was told.
-    SaidGoodbye { until_ns: u64 },
+    SaidGoodbye {
+        until_ns: u64,
+    },
 }
 
 impl HandThread {
