@@ -1,4 +1,5 @@
-//! Numpy's arrays as numbers of Rust, and back. All of them are flat here; shapes are the business of the Python around.
+//! Numpy's arrays as numbers of Rust, and back. All of them are flat here; shapes are the business of the Python
+//! around.
 
 use std::fmt::Display;
 

@@ -122,9 +122,9 @@ pub(crate) fn passive_stiffness<'py>(
     Ok(array(py, found?))
 }
 
-/// For each clay and each round trip what grows fastest: rate in 1/s and frequency in Hz in turn, no number where nothing
-/// grows faster than `slowest_per_s`. Then for each clay the delay margin in s: infinite without one, below zero where
-/// the loop is unstable without delay.
+/// For each clay and each round trip what grows fastest: rate in 1/s and frequency in Hz in turn, no number where
+/// nothing grows faster than `slowest_per_s`. Then for each clay the delay margin in s: infinite without one, below
+/// zero where the loop is unstable without delay.
 #[pyfunction]
 pub(crate) fn growth<'py>(
     py: Python<'py>,

@@ -50,7 +50,7 @@ fn each<const IN: usize, const OUT: usize>(
     py: Python<'_>,
     (name, points): (&str, Vec<[f64; IN]>),
     missing: Missing,
-    calculate: impl Fn(&[f64; IN]) -> Result<[f64; OUT], KinematicsError> + Send,
+    calculate: impl Fn(&[f64; IN]) -> Result<[f64; OUT], KinematicsError> + Sync,
 ) -> PyResult<Vec<f64>> {
     let found = py.detach(|| {
         let mut found = Vec::with_capacity(OUT * points.len());

@@ -59,8 +59,8 @@ impl Rig {
         })
     }
 
-    /// Runs so many ticks. Of every `every`th: time, s; force of the hand, felt force, force of the clay, N; positions of
-    /// handle and tool, m; their velocities, m/s; energy in the channel, J.
+    /// Runs so many ticks. Of every `every`th: time, s; force of the hand, felt force, force of the clay, N; positions
+    /// of handle and tool, m; their velocities, m/s; energy in the channel, J.
     fn run<'py>(&self, py: Python<'py>, ticks: u64, every: u64) -> PyResult<Made<'py, f64>> {
         if MOST_TICKS < ticks || every == 0 {
             return Err(refused(format!(

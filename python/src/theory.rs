@@ -1,5 +1,5 @@
-//! The calls of the theory, as REST has them: a body goes in, the answer comes out, both JSON. So a value is the server's
-//! to the last bit, and has its name.
+//! The calls of the theory, as REST has them: a body goes in, the answer comes out, both JSON. So a value is the
+//! server's to the last bit, and has its name.
 
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};

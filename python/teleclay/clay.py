@@ -120,8 +120,8 @@ class Clay:
         """
         flat, shape = vectors("path_m", path_m)
         resists = _VISCOUS if material is None else material
-        forces, *rest = self._native.work(body(tool), body(resists), flat, tick_s)
-        return Work(forces.reshape(-1, 3), *rest)
+        force_n, area_m2, removed, stored_j, dissipated_j = self._native.work(body(tool), body(resists), flat, tick_s)
+        return Work(force_n.reshape(-1, 3), area_m2, removed, stored_j, dissipated_j)
 
     def engaged_area_m2(self, tool: Description, position_m: ArrayLike, direction: ArrayLike) -> Floats:
         """Area of a tool that meets clay when it moves in a direction, m².

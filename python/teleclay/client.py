@@ -82,7 +82,7 @@ def decode_telemetry(message: bytes) -> Telemetry:
     numbers = flat.reshape(-1, 27)
     vectors = [np.ascontiguousarray(numbers[:, start : start + 3]) for start in range(0, 21, 3)]
     rest = [np.ascontiguousarray(numbers[:, column]) for column in range(21, 27)]
-    time_s = first_time_s + period_us * 1e-6 * np.arange(len(numbers))
+    time_s = first_time_s + period_us * 1e-6 * np.arange(len(numbers), dtype=np.float64)
     return Telemetry(tool, dropped, time_s, *vectors, *rest)
 
 
@@ -186,7 +186,7 @@ class Client:
         try:
             stream = connect(url, ssl=self._tls, subprotocols=[Subprotocol("teleclay.v1")], additional_headers=self._headers())
         except InvalidStatus as refusal:
-            raise _problem(refusal.response.status_code, refusal.response.body or b"") from None
+            raise _problem(refusal.response.status_code, bytes(refusal.response.body or b"")) from None
         with stream:
             stream.send(json.dumps({"type": "subscribe", "telemetry": "on", "bricks": "off"}))
             try:

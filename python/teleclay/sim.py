@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from . import _native
 from . import clay as clays
@@ -144,10 +144,12 @@ class Scheme:
         """The tool side starts anew with the handle there, m, at rest."""
 
     def _handle(self, now_s: float, port: Floats, heard: Floats | None, _gain: float) -> list[float]:
-        return _given(self.handle(HandlePort(now_s, *port.reshape(5, 3)), _heard(heard)))
+        position, velocity, hand, way, felt = port.reshape(5, 3)
+        return _given(self.handle(HandlePort(now_s, position, velocity, hand, way, felt), _heard(heard)))
 
     def _tool(self, now_s: float, port: Floats, heard: Floats | None, gain: float) -> list[float]:
-        return _given(self.tool(ToolPort(now_s, *port.reshape(5, 3), gain), _heard(heard)))
+        position, velocity, clay, spring, way = port.reshape(5, 3)
+        return _given(self.tool(ToolPort(now_s, position, velocity, clay, spring, way, gain), _heard(heard)))
 
     def _restart(self, handle_position_m: Floats) -> None:
         self.restart(handle_position_m)
@@ -192,8 +194,12 @@ class Rig:
         if not 0 <= duration_s <= 3600:
             raise ValueError(f"duration_s is {duration_s}, need a number from 0 to 3600")
         numbers = self._native.run(round(duration_s / tick_s), every).reshape(-1, 23)
-        vector = [np.ascontiguousarray(numbers[:, start : start + 3]) for start in range(1, 22, 3)]
-        return Record(numbers[:, 0].copy(), *vector, numbers[:, 22].copy())
+        vectors = (
+            "hand_force_n", "felt_force_n", "tool_force_n", "handle_position_m", "tool_position_m", "handle_velocity_m_s",
+            "tool_velocity_m_s",
+        )  # fmt: skip
+        named = {name: np.ascontiguousarray(numbers[:, 3 * at + 1 : 3 * at + 4]) for at, name in enumerate(vectors)}
+        return Record(time_s=numbers[:, 0].copy(), energy_j=numbers[:, 22].copy(), **named)
 
     def intend_rest(self) -> None:
         """The hand rests on the handle, without a force of its own."""
@@ -312,9 +318,10 @@ def latency_row(scheme: SchemeName | Callable[[], Scheme], line: Line, seeds: It
     takes a new object.
     """
     own = scheme if callable(scheme) else None
+    cell = (line.delay_ms, line.jitter_ratio, line.loss, line.profile)
     if own is not None and line.profile == "second_writer":
         raise ValueError("a scheme of one's own has no second writer")
-    row = arrays(json.loads(_native.latency_cell("" if callable(scheme) else scheme, tuple(line), list(seeds), own)))
+    row = arrays(json.loads(_native.latency_cell("" if callable(scheme) else scheme, cell, list(seeds), own)))
     if callable(scheme):
         row["scheme"] = getattr(scheme, "__name__", "own")
     return dict(row)
@@ -325,7 +332,7 @@ def _heard(numbers: Floats | None) -> Heard | None:
 
 
 def _given(said: Said) -> list[float]:
-    given: NDArray[np.float64] = np.concatenate([np.asarray(vector, dtype=np.float64) for vector in said])
+    given = np.concatenate([np.asarray(vector, dtype=np.float64) for vector in said])
     if given.shape != (12,):
         raise ValueError(f"a scheme's end gave {given.size} numbers, need four vectors of three")
-    return given.tolist()
+    return [float(number) for number in given]

@@ -1,5 +1,5 @@
-//! A hand at a running server. Its loop is a thread of Rust; between it and Python stand two rings, and neither waits for
-//! the other.
+//! A hand at a running server. Its loop is a thread of Rust; between it and Python stand two rings, and neither waits
+//! for the other.
 //!
 //! ```text
 //!   Python: law(batch) ──intent──> ring ──> Drawing ──place──> Pointer <──frames──> WebSocket
@@ -202,8 +202,8 @@ impl Hand {
         self.shared.was_late.load(Ordering::Relaxed)
     }
 
-    /// What happened since the last call, once anything did, and how many rows were dropped in all. Nothing when nothing
-    /// came in time. Whoever asks runs the law: from the first call on it may be late.
+    /// What happened since the last call, once anything did, and how many rows were dropped in all. Nothing when
+    /// nothing came in time. Whoever asks runs the law: from the first call on it may be late.
     fn take<'py>(
         &self,
         py: Python<'py>,
