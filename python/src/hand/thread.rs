@@ -133,7 +133,12 @@ impl HandThread {
         let over = self.leave_by_stages(state, now_ns)?;
         let pointer = &mut self.joined.pointer;
         state.drawing.draw(now_ns, pointer);
+        let gaps = pointer.counts().gaps;
         let ticks = pointer.advance(now_ns).ticks;
+        if gaps < pointer.counts().gaps {
+            // Nobody knows what a law would have said meanwhile: it has to say it anew.
+            state.drawing.intend(Intent::Off);
+        }
         state.most_ticks = state.most_ticks.max(ticks);
         if let Some(message) = pointer.outgoing()
             && !self.line.send_fresh(message)?
