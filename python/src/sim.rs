@@ -285,7 +285,8 @@ pub(crate) fn latency_cell(
     let named = match own {
         Some(_) => Scheme::ForceExchange,
         None => Scheme::ALL
-            .into_iter()
+            .iter()
+            .copied()
             .find(|known| known.word() == scheme)
             .ok_or_else(|| refused(format!("there is no scheme {scheme:?}")))?,
     };
