@@ -1,8 +1,9 @@
 """A server's interface: what it does over HTTP, and the telemetry of its streams."""
 
-import json
 import http.client
+import json
 import ssl
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -176,8 +177,11 @@ class Client:
         """A call of the theory, such as ``kinematics/inverse`` or ``analysis/loop``."""
         return dict(self.call("POST", f"/{path}", fields))
 
-    def telemetry(self, session: str) -> Iterator[Telemetry]:
-        """The telemetry of every tool of a session, batch by batch, until the stream ends or nobody asks for more."""
+    def telemetry(self, session: str, duration_s: float | None = None) -> Iterator[Telemetry]:
+        """The telemetry of every tool of a session, batch by batch, for as long as told, or as somebody asks for more.
+
+        While nobody holds a tool there may be none, and the next batch is waited for.
+        """
         from websockets.exceptions import ConnectionClosed, InvalidStatus
         from websockets.sync.client import connect
         from websockets.typing import Subprotocol
@@ -189,10 +193,14 @@ class Client:
             raise _problem(refusal.response.status_code, bytes(refusal.response.body or b"")) from None
         with stream:
             stream.send(json.dumps({"type": "subscribe", "telemetry": "on", "bricks": "off"}))
+            ends_s = np.inf if duration_s is None else time.monotonic() + duration_s
             try:
-                for message in stream:
+                while 0 < (left_s := ends_s - time.monotonic()):
+                    message = stream.recv(None if left_s == np.inf else left_s)
                     if isinstance(message, bytes) and message[3:4] == b"\x01":
                         yield decode_telemetry(message)
+            except TimeoutError:
+                return
             except ConnectionClosed as closed:
                 reason = closed.rcvd.reason if closed.rcvd else "the line broke"
                 raise ConnectionError(f"the stream of {session} ended: {reason}") from None

@@ -38,7 +38,12 @@ def run(url, session, law, duration_s=2.0, **more):
 
 
 def is_free(client, session):
-    return client.session(session)["tools"][0]["operator"] is None
+    """Whether nobody holds the tool: the server shows it within a fraction of a second."""
+    ends_s = time.monotonic() + 10
+    while client.session(session)["tools"][0]["operator"]:
+        if ends_s < time.monotonic():
+            return False
+    return True
 
 
 def test_a_place_is_gone_to(client, session, url):
@@ -49,24 +54,29 @@ def test_a_place_is_gone_to(client, session, url):
     # The loop kept its pace, and the law saw every tick of it.
     assert 0.98 * 3000 <= ticks.sum() <= report.counts["ticks"]
     assert kept.batches[-1].dropped == 0 and report.counts["given_up"] == 0
-    assert (kept.all("grasp")[-100:] == HELD).all()
+    # What the law sees last may be how it is let go of.
+    assert (kept.all("grasp")[-300:-100] == HELD).all()
     assert is_free(client, session)
 
 
-def test_a_softer_spring_gives_more_way(client, session, url):
-    """A tenth of a second after taking hold the damper has its way behind it, and the handle has hardly begun to move."""
-    forces_n = []
+def test_a_softer_spring_comes_later_and_swings_less(client, session, url):
+    """1 kg and 10 N s/m on springs of 150 and 50 N/m, whose damper of 5 N s/m is as much softer: they overshoot by 9 and
+    by 1 %."""
+    halfway_s, overshoot = [], []
     for stiffness_n_per_m in (150.0, 50.0):
-        kept, _ = run(url, session, lambda batch: Place([0.02, 0, ABOVE_M], stiffness_n_per_m), 0.6)
+        kept, _ = run(url, session, lambda batch: Place([0.02, 0, ABOVE_M], stiffness_n_per_m), 2.0)
         since_s = kept.all("time_s") - kept.all("time_s")[kept.all("grasp") == HELD][0]
-        forces_n.append(kept.all("hand_force_n")[(0.1 < since_s) & (since_s < 0.13), 0].mean())
-    assert 2 < forces_n[0] / forces_n[1] < 4
+        way = kept.all("position_m")[:, 0] / 0.02
+        halfway_s.append(since_s[0.5 < way][0])
+        overshoot.append(way.max() - 1)
+    assert 1.4 < halfway_s[1] / halfway_s[0] < 2.5
+    assert 0.05 < overshoot[0] < 0.15 and overshoot[1] < 0.03
 
 
 def test_a_force_is_pushed_and_capped(client, session, url):
     kept, _ = run(url, session, lambda batch: Force([0.5, 0, 0]), 1.5)
     # B v = f in the air above the clay.
-    np.testing.assert_allclose(kept.all("hand_force_n")[-200:, 0].mean(), 0.5, rtol=0.05)
+    np.testing.assert_allclose(kept.all("hand_force_n")[-400:-200, 0].mean(), 0.5, rtol=0.02)
     kept, report = run(url, session, lambda batch: Force([1e6, 0, 0]), 1.0)
     forces_n = np.linalg.norm(kept.all("hand_force_n"), axis=-1)
     assert 5 < forces_n.max() <= 20.0 + 1e-9
@@ -76,18 +86,14 @@ def test_a_force_is_pushed_and_capped(client, session, url):
 
 
 def test_a_hand_that_cuts_is_seen_by_those_who_watch(client, session, url):
-    seen, ends = [], threading.Event()
+    seen = []
 
     def watch():
-        for batch in client.telemetry(session):
-            seen.append(batch)
-            if ends.is_set():
-                return
+        seen.extend(client.telemetry(session, duration_s=4.0))
 
     watcher = threading.Thread(target=watch)
     watcher.start()
     kept, _ = run(url, session, lambda batch: Place([0.015 * np.sin(3 * batch.time_s[-1]), 0, -0.004]), 3.0)
-    ends.set()
     watcher.join()
     assert 0 < client.session(session)["clay"]["removed_volume_m3"]
     assert 0.01 < np.abs(kept.all("felt_force_n")).max()
@@ -110,7 +116,7 @@ def test_none_lets_go_and_the_law_may_end_it(client, session, url):
         return Force([0.5, 0, 0]) if batch.time_s[-1] < 0.5 else None
 
     kept, _ = run(url, session, law, None)
-    assert (kept.all("hand_force_n")[-100:] == 0).all()
+    assert (kept.all("hand_force_n")[-100:] == 0).all() and 0.2 < kept.all("hand_force_n").max()
     assert (kept.all("grasp") == HELD).any() and kept.all("grasp")[-1] == GRASPS.index("released")
     assert is_free(client, session)
 

@@ -71,7 +71,7 @@ def compare(ours, theirs):
         assert ours.keys() == theirs.keys()
         for name, value in theirs.items():
             compare(ours[name], value)
-    elif isinstance(theirs, list) and theirs and isinstance(theirs[0], float | int):
+    elif isinstance(ours, np.ndarray):
         assert same(ours, theirs)
     else:
         assert ours == theirs
@@ -118,7 +118,7 @@ def test_a_token_opens_the_door(program):
     with running(program, TELECLAY_TOKEN="a token of good length") as address:
         with pytest.raises(teleclay.Problem) as problem:
             teleclay.Client(f"http://{address}").sessions()
-        assert problem.value.status == 401 and "token" in problem.value.detail
+        assert problem.value.status == 401 and "a token is needed" in str(problem.value)
         client = teleclay.Client(f"http://{address}", "a token of good length")
         assert client.create("mine")["id"] == "mine"
         next(client.telemetry("mine")).time_s.size

@@ -15,7 +15,7 @@ use super::{Ended, NotJoined};
 /// An answer that takes longer is none.
 const PATIENCE: Duration = Duration::from_secs(5);
 /// How often the device is told at the slowest, 1/s. The thread tells it every tick, and may be held up for a while.
-const RATE_HZ: f64 = 100.0;
+pub(super) const RATE_HZ: f64 = 100.0;
 
 /// A lease, and the machine that works under it.
 pub(super) struct Joined {

@@ -5,14 +5,18 @@
 //! a force f:                       p = y_h + f / K
 //! ```
 //!
-//! `K` is the coupling's own spring, `y_h` the handle. Whatever is intended, `p` moves no faster than
+//! `K` is the coupling's own spring, `y_h` the handle, where it will be when the place is played. Whatever is intended, `p` moves no faster than
 //! [`FASTEST_M_S`], so that nothing that a law says is a leap.
 
 use teleclay_impedance::GraspState;
-use teleclay_pointer::{Pointer, View};
+use teleclay_pointer::Pointer;
+
+use super::conversation::RATE_HZ;
 
 /// Half of what a coupling takes for a leap.
 const FASTEST_M_S: f64 = 0.5;
+/// A coupling plays a device's places this much later, s: an interval at [`RATE_HZ`].
+const PLAYED_LATER_S: f64 = 1.0 / RATE_HZ;
 /// The handle counts as at rest below this, m/s: what it moves during a sample's play is then less than 20 µm.
 const AT_REST_M_S: f64 = 2e-3;
 /// A handle that does not come to rest is taken hold of all the same after this, s.
@@ -71,7 +75,11 @@ impl Drawing {
             self.place_m = view.handle_m;
         } else if view.grasp == GraspState::Held {
             self.waits_since_ns = None;
-            let wanted = self.wanted(&view, pointer.stiffness_n_per_m());
+            let velocity_m_s = pointer.side().frame().velocity_m_s;
+            let handle = std::array::from_fn(|axis| {
+                view.handle_m[axis] + PLAYED_LATER_S * velocity_m_s[axis]
+            });
+            let wanted = self.wanted(handle, pointer.stiffness_n_per_m());
             self.place_m = towards(self.place_m, wanted, FASTEST_M_S * since_s);
         } else {
             // The grip is closed with the device at the handle, so that places are the handle's own.
@@ -86,8 +94,7 @@ impl Drawing {
         pointer.handle_sample(now_ns, now_ns, self.place_m);
     }
 
-    fn wanted(&self, view: &View, stiffest_n_per_m: f64) -> [f64; 3] {
-        let handle = view.handle_m;
+    fn wanted(&self, handle: [f64; 3], stiffest_n_per_m: f64) -> [f64; 3] {
         match self.intent {
             Intent::Off => handle,
             Intent::Place {

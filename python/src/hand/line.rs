@@ -142,14 +142,17 @@ impl Line {
             host: host.clone(),
             detail: detail.to_string(),
         };
-        let socket = connect(&host, port).map_err(|error| unreached(&error))?;
-        let stream = if is_encrypted {
+        let encryption = if is_encrypted {
             let name = ServerName::try_from(host.clone()).map_err(|error| of_address(&error))?;
             let config = trust(to.authority.as_deref())?;
-            let session = ClientConnection::new(config, name).map_err(|error| unreached(&error))?;
-            Stream::Encrypted(Box::new(StreamOwned::new(session, socket)))
+            Some(ClientConnection::new(config, name).map_err(|error| unreached(&error))?)
         } else {
-            Stream::Plain(socket)
+            None
+        };
+        let socket = connect(&host, port).map_err(|error| unreached(&error))?;
+        let stream = match encryption {
+            Some(session) => Stream::Encrypted(Box::new(StreamOwned::new(session, socket))),
+            None => Stream::Plain(socket),
         };
         let authority = uri.authority().map_or("", |authority| authority.as_str());
         let scheme = if is_encrypted { "wss" } else { "ws" };
