@@ -54,7 +54,7 @@ def test_viscous_clay_resists_by_area_and_speed():
     np.testing.assert_allclose(work.force_n[steady, 0], -2e5 * work.engaged_area_m2[steady] * speed_m_s, rtol=1e-6)
     # What the tool spends is what the clay turns into heat.
     spent_j = -(work.force_n[steady, 0] * speed_m_s * 1e-3).sum()
-    np.testing.assert_allclose(work.dissipated_j[steady].sum(), spent_j, rtol=1e-6)
+    np.testing.assert_allclose(work.dissipated_j[steady].sum(), spent_j, rtol=1e-4)
     area = made.engaged_area_m2(blade(width_m, 0.04, 0.002), [0.04, 0.02, 0.02 - depth_m], [[1, 0, 0], [-1, 0, 0]])
     np.testing.assert_allclose(area[0], width_m * depth_m, rtol=0.02)
     assert area.shape == (2,)

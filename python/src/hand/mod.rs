@@ -239,7 +239,7 @@ impl Hand {
     fn go_to(&self, position_m: [f64; 3], stiffness_n_per_m: f64) -> PyResult<()> {
         require_finite("position_m", &position_m)?;
         // Infinite is as stiff as may be.
-        if !(0.0 <= stiffness_n_per_m) {
+        if stiffness_n_per_m.is_nan() || stiffness_n_per_m < 0.0 {
             return Err(refused(format!(
                 "stiffness_n_per_m is {stiffness_n_per_m}, need a number not below zero"
             )));
