@@ -79,8 +79,13 @@ pub struct Outcome {
 /// # Errors
 /// The rig cannot be set up.
 pub fn reference(cell: &Cell, seed: u64) -> Result<Track, RigError> {
-    let (track, _) = measure(&cell.reference(), seed, None)?;
-    Ok(track)
+    let rig = task::rig(&cell.reference(), seed)?;
+    Ok(reference_on(rig, cell, seed))
+}
+
+/// Runs the cell without a network, on a rig that somebody has set up so: one whose two sides are coupled otherwise.
+pub fn reference_on(rig: Rig, cell: &Cell, seed: u64) -> Track {
+    measure(rig, &cell.reference(), seed, None).0
 }
 
 /// Runs a cell and holds it against its reference.
@@ -88,16 +93,15 @@ pub fn reference(cell: &Cell, seed: u64) -> Result<Track, RigError> {
 /// # Errors
 /// The rig cannot be set up.
 pub fn run(cell: &Cell, seed: u64, reference: &Track) -> Result<Outcome, RigError> {
-    let (_, outcome) = measure(cell, seed, Some(reference))?;
-    Ok(outcome)
+    Ok(run_on(task::rig(cell, seed)?, cell, seed, reference))
 }
 
-fn measure(
-    cell: &Cell,
-    seed: u64,
-    reference: Option<&Track>,
-) -> Result<(Track, Outcome), RigError> {
-    let mut rig = task::rig(cell, seed)?;
+/// Runs a cell on a rig that somebody has set up for it, and holds it against its reference.
+pub fn run_on(rig: Rig, cell: &Cell, seed: u64, reference: &Track) -> Outcome {
+    measure(rig, cell, seed, Some(reference)).1
+}
+
+fn measure(mut rig: Rig, cell: &Cell, seed: u64, reference: Option<&Track>) -> (Track, Outcome) {
     rig.run_for(task::START);
     let began = rig.traffic();
     let mut probe = Probe::default();
@@ -154,7 +158,7 @@ fn measure(
         bytes_per_s: bytes,
         ..reference.map_or_else(Outcome::default, |reference| probe.track.against(reference))
     };
-    Ok((probe.track, outcome))
+    (probe.track, outcome)
 }
 
 /// Handles rest until everything under way has arrived.

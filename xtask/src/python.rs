@@ -8,7 +8,7 @@ use anyhow::{Context, Result, ensure};
 
 use crate::process::{answer, command, run, run_quietly};
 use crate::tools::install_packages;
-use crate::workspace::{root, target};
+use crate::workspace::{cargo, root, target};
 
 /// Makes the environment and installs what tests/python/requirements.txt pins; does nothing where that was done before.
 pub(crate) fn install() -> Result<()> {
@@ -40,6 +40,48 @@ pub(crate) fn install() -> Result<()> {
         &folder().join("pip.log"),
     )?;
     fs::write(&stamp, text).with_context(|| format!("{} cannot be written", stamp.display()))
+}
+
+/// Builds the wheel of python/ and puts it into the environment, as `pip install ./python` would into anybody's.
+pub(crate) fn install_wheel() -> Result<()> {
+    let mut pip = with_wheel(script("python"));
+    pip.args(["-m", "pip", "install", "--disable-pip-version-check"])
+        // Everything that it needs is there, pinned; nothing is fetched, nothing else changed.
+        .args([
+            "--no-build-isolation",
+            "--no-deps",
+            "--no-index",
+            "--force-reinstall",
+        ])
+        .arg(root().join("python"))
+        // The versions of Cargo.lock; maturin's own default is the release profile.
+        .env("MATURIN_PEP517_ARGS", "--locked");
+    // maturin is called by its name.
+    let found = std::env::var_os("PATH").unwrap_or_default();
+    let mut paths = vec![folder().join("bin")];
+    paths.extend(std::env::split_paths(&found));
+    pip.env("PATH", std::env::join_paths(paths)?);
+    run_quietly(
+        pip,
+        "building the wheel of python/",
+        &target().join("wheel.log"),
+    )
+}
+
+/// cargo in the workspace of python/.
+pub(crate) fn wheel_cargo(arguments: &str) -> Command {
+    let mut cargo = with_wheel(command(cargo()));
+    cargo
+        .args(arguments.split(' '))
+        .current_dir(root().join("python"))
+        .env("PYO3_PYTHON", folder().join("bin/python"));
+    cargo
+}
+
+/// In a folder of its own: the two workspaces would take each other's place in one.
+fn with_wheel(mut command: Command) -> Command {
+    command.env("CARGO_TARGET_DIR", target().join("wheel"));
+    command
 }
 
 /// A program of the environment: the interpreter, or what a package brought.

@@ -66,6 +66,7 @@ pub struct Pointer {
     pub(crate) side: HandleSide,
     pub(crate) channel: Channel,
     handle: ImpedanceHandle,
+    stiffness_n_per_m: f64,
     guard: Guard,
     /// Of what the device renders: the last thing before it.
     device_guard: Guard,
@@ -105,7 +106,8 @@ impl Pointer {
             ownership_epoch: granted.ownership_epoch,
         };
         let side = HandleSide::new(&parameters, lease)?;
-        let handle = ImpedanceHandle::new(setup.coupling(&parameters)?)?;
+        let coupling = setup.coupling(&parameters)?;
+        let handle = ImpedanceHandle::new(coupling)?;
         let tick_s = parameters.tick_s;
         // What one command changes is never more than a millisecond is good for.
         let guard = Guard::new(setup.profile, tick_s.min(1e-3));
@@ -137,6 +139,7 @@ impl Pointer {
             side,
             channel: Channel::of_handle(keys),
             handle,
+            stiffness_n_per_m: coupling.stiffness_n_per_m,
             guard,
             device_guard: guard,
             brake: None,
@@ -274,6 +277,12 @@ impl Pointer {
     pub fn tidy(&mut self) {
         while self.side.poll_retired().is_some() {}
         self.side.restock();
+    }
+
+    /// Spring by which the hand draws the handle, N/m.
+    #[must_use]
+    pub fn stiffness_n_per_m(&self) -> f64 {
+        self.stiffness_n_per_m
     }
 
     /// The state of the last tick.

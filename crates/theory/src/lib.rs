@@ -21,7 +21,7 @@ use teleclay_proto::http::FieldError;
 
 pub use cutting::cutting;
 pub use robot::{forward, inverse, jacobian, workspace, workspace_by_layers};
-pub use stability::analyse;
+pub use stability::{analyse, loop_input};
 pub use tuning::tune;
 
 /// Why a request has no answer.

@@ -19,22 +19,7 @@ use super::Unanswered;
 /// # Errors
 /// A field out of range, or parts that make no loop.
 pub fn analyse(request: &LoopRequest) -> Result<LoopAnswer, Unanswered> {
-    request.validate()?;
-    let input = LoopInput {
-        sides: Sides {
-            g_h: function("/g_h", &request.g_h)?,
-            s_h: function("/s_h", &request.s_h)?,
-            g_t: function("/g_t", &request.g_t)?,
-            s_t: function("/s_t", &request.s_t)?,
-            c_h1: function("/c_h1", &request.c_h1)?,
-            position_ratio: request.position_ratio,
-            force_ratio: request.force_ratio,
-        },
-        t_h: polynomial("/t_h", &request.t_h)?,
-        clay_damping_n_s_per_m: request.clay_damping_n_s_per_m,
-        clay_stiffness_n_per_m: request.clay_stiffness_n_per_m,
-        omegas_rad_s: request.omegas_rad_s.clone(),
-    };
+    let input = loop_input(request)?;
     let found = analysis::analyse(&input).map_err(unanswered)?;
     let curve = found.curve;
     Ok(LoopAnswer {
@@ -70,6 +55,29 @@ pub fn analyse(request: &LoopRequest) -> Result<LoopAnswer, Unanswered> {
             magnitude_db: curve.magnitude_db,
             phase_rad: curve.phase_rad,
         },
+    })
+}
+
+/// The loop that a request describes, proven, for whoever asks what [`analyse`] does not.
+///
+/// # Errors
+/// A field out of range.
+pub fn loop_input(request: &LoopRequest) -> Result<LoopInput, Unanswered> {
+    request.validate()?;
+    Ok(LoopInput {
+        sides: Sides {
+            g_h: function("/g_h", &request.g_h)?,
+            s_h: function("/s_h", &request.s_h)?,
+            g_t: function("/g_t", &request.g_t)?,
+            s_t: function("/s_t", &request.s_t)?,
+            c_h1: function("/c_h1", &request.c_h1)?,
+            position_ratio: request.position_ratio,
+            force_ratio: request.force_ratio,
+        },
+        t_h: polynomial("/t_h", &request.t_h)?,
+        clay_damping_n_s_per_m: request.clay_damping_n_s_per_m,
+        clay_stiffness_n_per_m: request.clay_stiffness_n_per_m,
+        omegas_rad_s: request.omegas_rad_s.clone(),
     })
 }
 

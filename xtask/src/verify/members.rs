@@ -1,18 +1,32 @@
 //! What the manifests of this workspace say.
 
 use std::path::Path;
+use std::process::Command;
 
 use anyhow::{Context, Result};
 use serde_json::Value;
 use teleclay_rules::Member;
 
 use crate::process::{answer, command};
+use crate::python;
 use crate::workspace::cargo;
 
-/// The crates of ours, as cargo reads their manifests.
+const METADATA: &str = "metadata --format-version 1 --no-deps";
+
+/// The crates of this workspace, as cargo reads their manifests.
 pub(super) fn members() -> Result<Vec<Member>> {
-    let arguments = ["metadata", "--format-version", "1", "--no-deps"];
-    let said = answer(command(cargo()).args(arguments)).context("cargo metadata failed")?;
+    members_by(command(cargo()).args(METADATA.split(' ')))
+}
+
+/// The same, and those of the workspace in python/.
+pub(super) fn all_members() -> Result<Vec<Member>> {
+    let mut all = members()?;
+    all.extend(members_by(&mut python::wheel_cargo(METADATA))?);
+    Ok(all)
+}
+
+fn members_by(cargo: &mut Command) -> Result<Vec<Member>> {
+    let said = answer(cargo).context("cargo metadata failed")?;
     let metadata: Value = serde_json::from_str(&said)?;
     let list = |value: &Value| value.as_array().cloned().unwrap_or_default();
     let text = |value: &Value| value.as_str().unwrap_or_default().to_owned();

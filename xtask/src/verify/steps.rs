@@ -2,7 +2,7 @@
 
 use anyhow::{Result, ensure};
 
-use super::members::members;
+use super::members::{all_members, members};
 use super::{docker, golden, unit};
 use teleclay_rules::{citations, imports, links, source, unused};
 
@@ -43,7 +43,7 @@ pub(super) const STEPS: [Step; 17] = [
     step("golden", "native code and WebAssembly get the same bits", golden_step),
     step("test", "every Rust test, unit and integration; the wire's vectors", test),
     step("doctest", "examples in the documentation of the code", doctest),
-    step("python", "the mathematics against python-control, mpmath, scipy and fractions; answers against their schemas", python_step),
+    step("python", "other people's mathematics and schemas; the wheel of python/, its lints, tests and notebooks", python_step),
     step("browser", "the dashboard in Chromium against real processes", browser),
     step("demo", "20 seconds of cargo demo", demo),
     step("tidy", "the checks left the checkout as it was", tidy),
@@ -59,13 +59,14 @@ fn tools() -> Result<()> {
 }
 
 fn format() -> Result<()> {
-    cargo_with("fmt --all --check")
+    cargo_with("fmt --all --check")?;
+    run(&mut python::wheel_cargo("fmt --check"))
 }
 
 fn source_step() -> Result<()> {
     let mut wrong = source::check(root())?;
-    wrong.extend(imports::check(&members()?)?);
-    wrong.extend(unused::check(root(), &members()?)?);
+    wrong.extend(imports::check(&all_members()?)?);
+    wrong.extend(unused::check(root(), &all_members()?)?);
     report("against the rules", wrong)
 }
 
@@ -180,7 +181,31 @@ fn python_step() -> Result<()> {
         .arg(program("examples/record"))
         .arg(program("teleclay-replay"))
         .arg(program("teleclay-server")))?;
-    run(script("interface.py").arg(program("teleclay-server")))
+    run(script("interface.py").arg(program("teleclay-server")))?;
+    wheel_step()
+}
+
+/// The wheel of python/, as whoever installs it has it.
+fn wheel_step() -> Result<()> {
+    python::install_wheel()?;
+    run(&mut python::wheel_cargo(
+        "clippy --release --locked -- -D warnings",
+    ))?;
+    let mut tests = python::script("python");
+    tests
+        .args([
+            "-m",
+            "pytest",
+            "-p",
+            "no:cacheprovider",
+            "--quiet",
+            "--durations=10",
+        ])
+        .arg(root().join("python/tests"))
+        .arg("--server")
+        .arg(program("teleclay-server"))
+        .env("PYTHONDONTWRITEBYTECODE", "1");
+    run(&mut tests)
 }
 
 fn browser() -> Result<()> {
