@@ -11,6 +11,7 @@
 //! | [`bricks`] | which bricks a watcher still lacks |
 //! | [`telemetry`] | samples into batches |
 //! | [`budget`] | what a watcher may cost |
+//! | [`pace`] | how fast a socket is heard |
 //!
 //! Nothing queues for a watcher. Telemetry waits in a ring of fixed length that forgets its oldest, bricks wait in the
 //! clay itself, state is read when it is sent, and one message at a time is on its way.
@@ -23,6 +24,7 @@ mod end;
 mod hand;
 mod heartbeat;
 mod operate;
+mod pace;
 mod telemetry;
 mod watcher;
 
