@@ -140,6 +140,11 @@ impl Listening {
 
     /// Shows each certificate that comes, at once or when nobody holds a tool by Zenoh.
     pub(crate) async fn follow(self, mut shown: watch::Receiver<Option<(Identity, When)>>) {
+        let Place { control, slow, .. } = &*self.place;
+        if !(control.protocol.is_secure() || slow.protocol.is_secure()) {
+            // In the clear nothing is shown.
+            return;
+        }
         while shown.changed().await.is_ok() {
             let newest = shown.borrow_and_update().clone();
             let Some((identity, when)) = newest else {
