@@ -1,6 +1,6 @@
 // The real server and the real handle, as processes of their own on ports of their own.
 
-import { type ChildProcess, spawn } from "node:child_process";
+import { type ChildProcess, execFileSync, spawn } from "node:child_process";
 import { existsSync, mkdtempSync, readdirSync, readFileSync, rmSync, statSync, writeFileSync } from "node:fs";
 import { createServer } from "node:net";
 import { tmpdir } from "node:os";
@@ -91,8 +91,15 @@ export class Teleclay {
     return new Teleclay(http, zenoh);
   }
 
-  async startServer(): Promise<void> {
-    const server = new Program("teleclay-server", ["--listen", this.#listen, "--zenoh-listen", this.#zenoh, "--data-dir", this.#data]);
+  /** `token`: what whoever comes has to show. */
+  async startServer(token?: string): Promise<void> {
+    const flags = ["--listen", this.#listen, "--zenoh-listen", this.#zenoh, "--data-dir", this.#data];
+    if (token !== undefined) {
+      const config = join(this.#data, "server.toml");
+      writeFileSync(config, `token = "${token}"\n`);
+      flags.push("--config", config);
+    }
+    const server = new Program("teleclay-server", flags);
     this.#server = server;
     await until("the server is ready", async () => {
       if (!server.isRunning) throw new Error(server.said);
@@ -113,6 +120,15 @@ export class Teleclay {
   get serverCpu_s(): number {
     if (this.#server === undefined) throw new Error("there is no server");
     return this.#server.cpu_s;
+  }
+
+  /** The link of an invite to the demo session, as it is printed. */
+  invite(role: string): string {
+    const words = ["invite", SESSION, "--role", role, "--data-dir", this.#data];
+    const printed = execFileSync(join(BINARIES, "teleclay-server"), words, { encoding: "utf8", env: withoutSettings(process.env) });
+    const link = /https?:\/\/\S+/.exec(printed)?.[0];
+    if (link === undefined) throw new Error(`an invite has a link, and this came: ${printed}`);
+    return link;
   }
 
   async killServer(): Promise<void> {

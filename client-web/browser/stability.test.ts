@@ -131,6 +131,22 @@ describe("the Stability page", () => {
     await page.page.mouse.move(2, 2);
   });
 
+  it("reads Bode by keys, in words for who does not see it", async () => {
+    const before = await page.inked("nyquist", "--text");
+    await page.page.getByTestId("bode-curves").focus();
+    for (const key of ["Home", "PageDown", "PageDown"]) await page.page.keyboard.press(key);
+    const { nyquist: { omega_rad_s, re, im } } = await analyse(PAPER);
+    const wanted = 100 * Math.max(omega_rad_s[0], 1e-2);
+    const away = (n: number): number => Math.abs(Math.log(omega_rad_s[n] / wanted));
+    const nearest = omega_rad_s.reduce((best, _, n) => (away(n) < away(best) ? n : best), 0);
+    const magnitude_db = 20 * Math.log10(Math.hypot(re[nearest], im[nearest]));
+    await until("the cursor is two decades above the lowest frequency", async () => (await page.text("bode-reading")).startsWith(`${omega_rad_s[nearest].toPrecision(2)} rad/s`));
+    expect(await page.text("bode-reading")).toContain(`${magnitude_db.toFixed(1)} dB`);
+    await until("the frequency is marked in Nyquist", async () => before < (await page.inked("nyquist", "--text")));
+    await page.page.keyboard.press("Escape");
+    await until("the mark has gone", async () => (await page.inked("nyquist", "--text")) <= before);
+  });
+
   it("fits desk and telephone, light and dark", async () => {
     expect(await page.fit("stability")).toEqual([]);
   });

@@ -19,10 +19,8 @@ for (const name of ["page", "hand"]) {
 /** Where cargo put a module. */
 function build(name) {
   const arguments_ = [
-    "rustc", "--release", "--locked", "--target", "wasm32-unknown-unknown", "--package", `teleclay-${name}`, "--lib",
+    "rustc", "--profile", "page", "--locked", "--target", "wasm32-unknown-unknown", "--package", `teleclay-${name}`, "--lib",
     "--crate-type", "cdylib", "--message-format", "json-render-diagnostics",
-    // Names and line tables are twenty times the code.
-    "--", "-C", "strip=symbols",
   ];
   const { error, status, stdout } = spawnSync(process.env.CARGO ?? "cargo", arguments_, {
     cwd: fileURLToPath(folder), encoding: "utf8", maxBuffer: 1 << 28, stdio: ["ignore", "pipe", "inherit"],

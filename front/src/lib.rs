@@ -5,7 +5,8 @@
 //! | `listener` | accepting, and a connection from its first byte to its last |
 //! | `probe` | the question of whoever looks after a server |
 //! | `security` | connections that are encrypted, and what they show of the server |
-//! | `visitors` | who is connected: how many connections an address may hold, how many wrong tokens it may show |
+//! | `visitors` | who is connected: how many connections an address may hold |
+//! | `tries` | how many wrong tokens an address may show |
 //! | `stall` | connections whose other end has stopped reading |
 //! | `linger` | connections that are closed so that the other end can read what was said last |
 
@@ -14,9 +15,11 @@ mod listener;
 mod probe;
 mod security;
 mod stall;
+mod tries;
 mod visitors;
 
-pub use listener::{bind, serve};
+pub use listener::{Service, bind, serve};
 pub use probe::check_health;
 pub use security::{Security, SecurityError};
-pub use visitors::{Peer, Tries};
+pub use tries::{ShownFor, Tries};
+pub use visitors::Peer;

@@ -1,5 +1,6 @@
 //! Connections: how many there may be, how long one may take to ask, and how much may wait in one.
 
+use std::convert::Infallible;
 use std::io;
 use std::net::SocketAddr;
 use std::pin::pin;
@@ -8,7 +9,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use axum::Router;
-use axum::http::{Request, StatusCode};
+use axum::http::{Method, Request, StatusCode, Uri, header};
+use axum::response::{IntoResponse as _, Response};
 use hyper::body::Incoming;
 use hyper::server::conn::http1;
 use hyper::service::service_fn;
@@ -23,7 +25,7 @@ use tower::ServiceExt as _;
 use crate::linger::{Lingering, Patience};
 use crate::security::{self, Security};
 use crate::stall::Impatient;
-use crate::visitors::{Peer, Visit, Visitors};
+use crate::visitors::{Peer, Place, Visit, Visitors};
 
 /// Bytes that the operating system may hold for a reader, about half a second of a watcher's budget. It would otherwise
 /// grow to megabytes, and a slow watcher would see the clay of half a minute ago. Linux takes the double, for its own
@@ -65,27 +67,63 @@ pub fn bind(listen: SocketAddr) -> io::Result<TcpListener> {
     socket.listen(BACKLOG)
 }
 
+/// What is served.
+#[derive(Clone)]
+pub struct Service {
+    /// To every request its answer.
+    pub router: Router,
+    /// Whether a request is heard even where every place is taken.
+    pub is_urgent: fn(&Method, &Uri) -> bool,
+}
+
+/// Nothing is urgent.
+impl From<Router> for Service {
+    fn from(router: Router) -> Self {
+        Self {
+            router,
+            is_urgent: |_, _| false,
+        }
+    }
+}
+
+impl Service {
+    async fn answer(self, request: Request<Incoming>, place: Place) -> Response {
+        let is_heard = place == Place::Usual || (self.is_urgent)(request.method(), request.uri());
+        if !is_heard {
+            let close = [(header::CONNECTION, "close"), (header::RETRY_AFTER, "1")];
+            let words = "every connection is taken\n";
+            return (StatusCode::SERVICE_UNAVAILABLE, close, words).into_response();
+        }
+        match self.router.oneshot(request).await {
+            Ok(answer) => answer,
+            Err(never) => match never {},
+        }
+    }
+}
+
 /// What is served, and how.
 #[derive(Clone)]
 struct House {
-    router: Router,
+    service: Service,
     security: Option<Security>,
     /// For whoever asks in the clear where that is not served.
     elsewhere: Router,
 }
 
 /// Serves until `stop` is done, then lets requests under way finish for a few seconds. Streams do not hold it up. With
-/// `security` everything is encrypted, and whoever asks in the clear is sent on.
+/// `security` everything is encrypted, and whoever asks in the clear is sent on. Where every place is taken, what is
+/// urgent is heard, and whoever asks for something else is told to come again.
 pub async fn serve(
     listener: TcpListener,
-    router: Router,
+    service: impl Into<Service>,
     security: Option<Security>,
     stop: impl Future<Output = ()>,
 ) {
     let visitors = Arc::new(Visitors::default());
+    let service = service.into();
     let house = House {
-        elsewhere: security::elsewhere(&router),
-        router,
+        elsewhere: security::elsewhere(&service.router),
+        service,
         security,
     };
     let (stopping, stopped) = watch::channel(());
@@ -155,21 +193,21 @@ impl Guest {
             .ok();
         let Some(security) = &house.security else {
             let (held, hangs_up) = self.hold(connection);
-            return self.converse(held, house.router, hangs_up).await;
+            return self.converse(held, house.service, hangs_up).await;
         };
         let begins = security::is_encrypted(&connection, HEAD_TIMEOUT);
         match self.unless_unwelcome(begins).await {
             Some(Ok(true)) => {}
             Some(Ok(false)) => {
                 let (held, hangs_up) = self.hold(connection);
-                return self.converse(held, house.elsewhere, hangs_up).await;
+                return self.converse(held, house.elsewhere.into(), hangs_up).await;
             }
             Some(Err(_)) | None => return,
         }
         let (held, hangs_up) = self.hold(connection);
         let shaken = security.accept(held, HEAD_TIMEOUT);
         match self.unless_unwelcome(shaken).await {
-            Some(Ok(stream)) => self.converse(stream, house.router, hangs_up).await,
+            Some(Ok(stream)) => self.converse(stream, house.service, hangs_up).await,
             Some(Err(error)) => {
                 tracing::debug!(%error, from = %self.address, "no handshake came about");
             }
@@ -192,7 +230,7 @@ impl Guest {
         }
     }
 
-    async fn converse<C>(mut self, connection: C, router: Router, hangs_up: Arc<AtomicBool>)
+    async fn converse<C>(mut self, connection: C, house: Service, hangs_up: Arc<AtomicBool>)
     where
         C: AsyncRead + AsyncWrite + Send + Unpin + 'static,
     {
@@ -200,16 +238,13 @@ impl Guest {
         let service = service_fn(move |mut request: Request<Incoming>| {
             asked.asks();
             request.extensions_mut().insert(Peer(address.ip()));
-            let (router, asked) = (router.clone(), Arc::clone(&asked));
+            let (house, asked) = (house.clone(), Arc::clone(&asked));
             async move {
-                let answer = router.oneshot(request).await;
-                let is_stream = answer
-                    .as_ref()
-                    .is_ok_and(|answer| answer.status() == StatusCode::SWITCHING_PROTOCOLS);
-                if !is_stream {
+                let answer = house.answer(request, asked.place()).await;
+                if answer.status() != StatusCode::SWITCHING_PROTOCOLS {
                     asked.is_answered();
                 }
-                answer
+                Ok::<_, Infallible>(answer)
             }
         });
         let mut conversation = pin!(

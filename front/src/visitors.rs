@@ -1,13 +1,13 @@
-//! Who is connected, address by address: how many connections one may hold, and how often it may show a wrong token.
+//! Who is connected, address by address: how many connections one may hold.
 //!
 //! A connection that asks for nothing is worth nothing: where an address holds many of those, or none is free for
-//! somebody else, the one that has been silent for longest goes.
+//! somebody else, the one that has been silent for longest goes. Where none can go, there are a few places still for
+//! what is urgent and nothing else.
 
 use std::collections::HashMap;
 use std::net::{IpAddr, Ipv6Addr};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, Instant};
 
 use tokio::sync::Notify;
 
@@ -19,12 +19,8 @@ const FOR_LOOPBACK: usize = 32;
 const MOST_OF_ONE: usize = 256;
 /// Connections of one address that ask for nothing: several pages' worth.
 const MOST_SILENT_OF_ONE: usize = 32;
-
-/// Wrong tokens that an address may show at once, and the time after which it may show another.
-const TRIES: u32 = 20;
-const TRY_EVERY: Duration = Duration::from_secs(1);
-/// Addresses whose tries are counted. Beyond that, the count that is nearest to being forgotten is.
-const MOST_COUNTED: usize = 4096;
+/// Connections beyond all these on which what is urgent is heard. Whoever has not asked yet makes room for the next.
+const MOST_URGENT: usize = 32;
 
 /// The address at the other end of a request's connection.
 #[derive(Clone, Copy, Debug)]
@@ -42,9 +38,19 @@ struct Visits {
     held: HashMap<u64, Held>,
 }
 
+/// What a connection is good for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Place {
+    /// For whatever is asked.
+    Usual,
+    /// For what is urgent: every other place is taken.
+    Urgent,
+}
+
 #[derive(Debug)]
 struct Held {
     address: IpAddr,
+    place: Place,
     /// When it last had something to do, by a count; nothing while it has.
     silent_since: Option<u64>,
     leave: Arc<Leave>,
@@ -61,6 +67,7 @@ struct Leave {
 pub(crate) struct Visit {
     visitors: Arc<Visitors>,
     number: u64,
+    place: Place,
     leave: Arc<Leave>,
 }
 
@@ -70,28 +77,13 @@ impl Visitors {
     pub(crate) fn arrive(self: &Arc<Self>, address: IpAddr) -> Option<Visit> {
         let address = canonical(address);
         let mut visits = self.visits();
-        let of_it = visits.held.values().filter(|held| held.address == address);
-        let (all, silent) = of_it.fold((0, 0), |(all, silent), held| {
-            (all + 1, silent + usize::from(held.silent_since.is_some()))
-        });
-        if MOST_SILENT_OF_ONE <= silent {
-            visits.send_away(|held| held.address == address);
-        } else if MOST_OF_ONE <= all {
-            return None;
-        }
-        let limit = if address.is_loopback() {
-            MOST
-        } else {
-            MOST - FOR_LOOPBACK
-        };
-        if limit <= visits.held.len() && !visits.send_away(|_| true) {
-            return None;
-        }
+        let place = visits.place_for(address)?;
         let number = visits.next;
         visits.next += 1;
         let leave = Arc::new(Leave::default());
         let held = Held {
             address,
+            place,
             silent_since: Some(number),
             leave: Arc::clone(&leave),
         };
@@ -99,6 +91,7 @@ impl Visitors {
         Some(Visit {
             visitors: Arc::clone(self),
             number,
+            place,
             leave,
         })
     }
@@ -109,6 +102,43 @@ impl Visitors {
 }
 
 impl Visits {
+    /// The place of one more connection from `address`, free from now on.
+    fn place_for(&mut self, address: IpAddr) -> Option<Place> {
+        if self.has_usual_place(address) {
+            return Some(Place::Usual);
+        }
+        let is_urgent = |held: &Held| held.place == Place::Urgent;
+        let urgent = self.held.values().filter(|held| is_urgent(held)).count();
+        let is_free = urgent < MOST_URGENT
+            || self.send_away(|held| is_urgent(held) && held.address == address)
+            || self.send_away(is_urgent);
+        is_free.then_some(Place::Urgent)
+    }
+
+    fn has_usual_place(&mut self, address: IpAddr) -> bool {
+        let is_usual = |held: &Held| held.place == Place::Usual;
+        let of_it = |held: &Held| is_usual(held) && held.address == address;
+        let (all, silent) = self
+            .held
+            .values()
+            .filter(|held| of_it(held))
+            .fold((0, 0), |(all, silent), held| {
+                (all + 1, silent + usize::from(held.silent_since.is_some()))
+            });
+        if MOST_SILENT_OF_ONE <= silent {
+            self.send_away(of_it);
+        } else if MOST_OF_ONE <= all {
+            return false;
+        }
+        let limit = if address.is_loopback() {
+            MOST
+        } else {
+            MOST - FOR_LOOPBACK
+        };
+        let usual = self.held.values().filter(|held| is_usual(held)).count();
+        usual < limit || self.send_away(is_usual)
+    }
+
     /// Asks the connection to go that has asked for nothing for longest, of those that `may` go. Its place is free at
     /// once.
     fn send_away(&mut self, may: impl Fn(&Held) -> bool) -> bool {
@@ -127,6 +157,11 @@ impl Visits {
 }
 
 impl Visit {
+    /// What it is good for.
+    pub(crate) fn place(&self) -> Place {
+        self.place
+    }
+
     /// Something is asked.
     pub(crate) fn asks(&self) {
         self.leave.has_asked.store(true, Ordering::Relaxed);
@@ -158,44 +193,9 @@ impl Drop for Visit {
     }
 }
 
-/// Wrong tokens, address by address: a bucket each that fills with time.
-#[derive(Debug, Default)]
-pub struct Tries(Mutex<HashMap<IpAddr, Instant>>);
-
-impl Tries {
-    /// How long an address must wait before a token of its is looked at; nothing if it need not.
-    pub fn wait(&self, now: Instant, peer: Option<Peer>) -> Option<Duration> {
-        let tries = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        // The instant at which all is forgotten lies further ahead the more was tried.
-        let forgotten = *tries.get(&canonical(peer?.0))?;
-        let ahead = forgotten.saturating_duration_since(now);
-        let most = TRY_EVERY * (TRIES - 1);
-        (most < ahead).then(|| ahead - most)
-    }
-
-    /// It was a wrong one.
-    pub fn count(&self, now: Instant, peer: Option<Peer>) {
-        let Some(Peer(address)) = peer else { return };
-        let mut tries = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let forgotten = tries.entry(canonical(address)).or_insert(now);
-        *forgotten = (*forgotten).max(now) + TRY_EVERY;
-        if MOST_COUNTED < tries.len() {
-            tries.retain(|_, forgotten| now < *forgotten);
-        }
-        if MOST_COUNTED < tries.len()
-            && let Some(address) = tries
-                .iter()
-                .min_by_key(|(_, until)| **until)
-                .map(|(a, _)| *a)
-        {
-            tries.remove(&address);
-        }
-    }
-}
-
 /// An IPv4 address is one, however it is written; of an IPv6 one the network counts, since a household has all the
 /// rest.
-fn canonical(address: IpAddr) -> IpAddr {
+pub(crate) fn canonical(address: IpAddr) -> IpAddr {
     match address.to_canonical() {
         IpAddr::V6(address) if !address.is_loopback() => {
             IpAddr::V6(Ipv6Addr::from_bits(address.to_bits() >> 64 << 64))
@@ -242,7 +242,7 @@ mod tests {
             let visits = (0..most).map_while(|_| {
                 let visit = visitors.arrive(address(last))?;
                 visit.asks();
-                Some(visit)
+                (visit.place() == Place::Usual).then_some(visit)
             });
             visits.collect()
         };
@@ -250,39 +250,40 @@ mod tests {
         assert_eq!(one.len(), MOST_OF_ONE);
         let others = busy(2, 1000);
         assert_eq!(one.len() + others.len(), MOST - FOR_LOOPBACK);
-        assert!(visitors.arrive(address(3)).is_none());
+        assert_eq!(visitors.arrive(address(3)).unwrap().place(), Place::Urgent);
         let own: Vec<_> = (0..FOR_LOOPBACK)
             .map(|_| visitors.arrive(IpAddr::from([127, 0, 0, 1])).unwrap())
             .collect();
         assert!(own.iter().all(|visit| !is_sent_away(visit)));
     }
 
+    /// Whoever fills every place, those for what is urgent too, keeps nobody from the next of these.
     #[test]
-    fn twenty_wrong_tokens_may_be_shown_at_once_and_then_one_a_second() {
-        let tries = Tries::default();
-        let began = Instant::now();
-        let peer = Some(Peer(address(1)));
-        for _ in 0..TRIES {
-            assert_eq!(tries.wait(began, peer), None);
-            tries.count(began, peer);
+    fn there_is_always_a_place_for_what_is_urgent() {
+        let visitors = Arc::new(Visitors::default());
+        let flood = |last: u8| -> Vec<Visit> {
+            let visits = (0..MOST_OF_ONE + MOST_URGENT).filter_map(|_| {
+                let visit = visitors.arrive(address(last))?;
+                if visit.place() == Place::Usual {
+                    visit.asks();
+                }
+                Some(visit)
+            });
+            visits.collect()
+        };
+        let floods = [flood(1), flood(2)];
+        for last in [1, 2, 3] {
+            let visit = visitors.arrive(address(last)).unwrap();
+            assert_eq!(visit.place(), Place::Urgent);
+            // Once it asks, nothing takes the place away.
+            visit.asks();
+            let next: Vec<_> = (0..2 * MOST_URGENT)
+                .map(|_| visitors.arrive(address(1)).unwrap())
+                .collect();
+            assert!(!is_sent_away(&visit) && is_sent_away(&next[0]));
         }
-        assert_eq!(tries.wait(began, peer), Some(TRY_EVERY));
-        assert_eq!(tries.wait(began, Some(Peer(address(2)))), None);
-        let later = began + TRY_EVERY;
-        assert_eq!(tries.wait(later, peer), None);
-        tries.count(later, peer);
-        assert_eq!(tries.wait(later, peer), Some(TRY_EVERY));
-        assert_eq!(tries.wait(began + TRY_EVERY * 2 * TRIES, peer), None);
-    }
-
-    #[test]
-    fn the_memory_of_tries_is_bounded() {
-        let tries = Tries::default();
-        let now = Instant::now();
-        for number in 0..3 * MOST_COUNTED as u32 {
-            tries.count(now, Some(Peer(IpAddr::from(number.to_be_bytes()))));
-        }
-        assert_eq!(tries.0.lock().unwrap().len(), MOST_COUNTED);
+        drop(floods);
+        assert_eq!(visitors.arrive(address(3)).unwrap().place(), Place::Usual);
     }
 
     #[test]

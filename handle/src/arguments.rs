@@ -7,6 +7,8 @@ use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser, ValueEnum};
 use teleclay_device::DeviceProfile;
 use teleclay_devices::haply::ServiceAddress;
+use teleclay_devices::haply::socket::EVENTS_PORT;
+use teleclay_proto::http::{MAX_NAME, check_name};
 use teleclay_proto::invite::{Fingerprint, InviteLine};
 use teleclay_proto::{RealmName, SessionId};
 use teleclay_shell::Drift;
@@ -20,8 +22,6 @@ use crate::run::EXIT_CODES;
 
 /// Most of a wait that can be spun, us: the whole of it.
 const MAX_SPIN_US: u64 = 1000;
-/// What a session accepts as a name of an operator, in characters.
-const MAX_NAME: usize = 64;
 /// The operator of nobody in particular.
 const NOBODY: &str = "operator";
 /// A path has this many corners at most; more are a mistake.
@@ -62,6 +62,9 @@ pub struct Arguments {
     /// Where the Haply Inverse Service listens, on this machine
     #[arg(long, value_name = "URL", default_value_t)]
     pub haply_url: ServiceAddress,
+    /// The port of its event channel
+    #[arg(long, value_name = "PORT", default_value_t = EVENTS_PORT, value_parser = clap::value_parser!(u16).range(1..))]
+    pub haply_events_port: u16,
     /// Greatest force on the hand, N: lowers what the device allows, never raises it
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = bound)]
     pub force_limit_n: Option<f64>,
@@ -220,6 +223,12 @@ pub enum IntentOptionError {
 }
 
 impl Arguments {
+    /// Where the service of an Inverse3 listens.
+    pub fn haply(&self) -> ServiceAddress {
+        let address = self.haply_url.clone();
+        address.with_events_at(self.haply_events_port)
+    }
+
     /// Reads the command line of this process.
     ///
     /// # Errors
@@ -353,15 +362,10 @@ fn endpoint(text: &str) -> Result<Endpoint, String> {
 }
 
 fn operator(text: &str) -> Result<String, String> {
-    if is_operator(text) {
-        Ok(text.to_owned())
-    } else {
-        Err(format!("want 1 to {MAX_NAME} printable characters"))
+    match check_name("", text) {
+        Ok(()) => Ok(text.to_owned()),
+        Err(error) => Err(error.detail),
     }
-}
-
-fn is_operator(text: &str) -> bool {
-    (1..=MAX_NAME).contains(&text.chars().count()) && !text.chars().any(char::is_control)
 }
 
 fn bound(text: &str) -> Result<f64, String> {
@@ -410,11 +414,7 @@ fn user_at_host() -> String {
         None => format!("{NOBODY}@{host}"),
     };
     let name: String = name.chars().take(MAX_NAME).collect();
-    if is_operator(&name) {
-        name
-    } else {
-        NOBODY.to_owned()
-    }
+    operator(&name).unwrap_or_else(|_| NOBODY.to_owned())
 }
 
 #[cfg(test)]

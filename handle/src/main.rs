@@ -44,7 +44,7 @@ fn main() -> ExitCode {
         }
     };
     if arguments.device == DeviceChoice::List {
-        let listed = list(&arguments.haply_url);
+        let listed = list(&arguments.haply());
         // A terminal that is gone cannot be told.
         let _ = io::stdout().write_all(listed.as_bytes());
         return ExitCode::SUCCESS;
@@ -120,7 +120,7 @@ async fn hold(arguments: Arguments, intent: Intent) -> ExitCode {
         kind,
         intent,
         profile,
-        haply: arguments.haply_url.clone(),
+        haply: arguments.haply(),
     };
     let options = Options {
         operator: arguments.operator_name(),

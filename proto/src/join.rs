@@ -9,8 +9,9 @@ use utoipa::ToSchema;
 
 use crate::http::{ClayShape, check_name};
 use crate::invite::InviteId;
+use crate::legible::{check_text, fitted};
 use crate::scheme::MAX_DEADBAND;
-use crate::validate::{FieldError, Validate, check, check_text};
+use crate::validate::{FieldError, Validate, check};
 use crate::word::words;
 use crate::{Axes, Material, NodeName, Scheme, ToolDescription};
 
@@ -215,6 +216,17 @@ pub struct Farewell {
     pub lease: u32,
     /// Why, for people.
     pub reason: String,
+}
+
+impl Farewell {
+    /// A farewell whose words fit, whatever names stand in them.
+    #[must_use]
+    pub fn fitting(lease: u32, reason: &str) -> Self {
+        Self {
+            lease,
+            reason: fitted(reason, MAX_FAREWELL, "the tool was taken away"),
+        }
+    }
 }
 
 /// What the server says to whoever asks for a fresh block.

@@ -20,6 +20,7 @@ pub mod join;
 pub mod keys;
 pub mod watch;
 
+mod legible;
 mod material;
 mod names;
 mod part;

@@ -136,21 +136,3 @@ pub fn readable(value: f64) -> String {
         format!("{value:e}")
     }
 }
-
-/// Names that people read: not empty, at most `most` characters, nothing that would move a cursor.
-pub(crate) fn check_text(pointer: &str, text: &str, most: usize) -> Result<(), FieldError> {
-    let length = text.chars().count();
-    if length == 0 || most < length {
-        return Err(FieldError::new(
-            pointer,
-            format!("{length} characters, wanted 1 to {most}"),
-        ));
-    }
-    match text.chars().find(|character| character.is_control()) {
-        Some(character) => Err(FieldError::new(
-            pointer,
-            format!("{character:?} is a control character"),
-        )),
-        None => Ok(()),
-    }
-}

@@ -17,14 +17,16 @@ use teleclay_ros2::Ros2;
 use teleclay_shell::Clock;
 use teleclay_shell::realtime::Realtime;
 use teleclay_shell::ticker::{Ticker, TickerConfig};
+use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
 
 use crate::api::{self, ApiConfig};
 use crate::collector::{Collector, Sources};
 use crate::directory::{Directory, Parts};
+use crate::doors::Doors;
+use crate::doors::certificates::{self, Source};
 use crate::doors::command::Address;
-use crate::doors::{Doors, certificates};
 use crate::engine::{CAPACITIES, Engine, TICK};
 use crate::network::{Lines, Network, Sender};
 use crate::ros2::OnRos2;
@@ -161,7 +163,10 @@ impl Server {
             .clone()
             .map(|config| Ros2::start(config, OnRos2(directory.clone())));
         let page = tell_address(&settings, address, identity.as_ref())?;
-        let router = api::router(
+        let follows = matches!(settings.certificate, Source::Given { .. })
+            .then(|| follow_certificate(&settings, security.clone(), &network))
+            .transpose()?;
+        let service = api::service(
             directory.clone(),
             ApiConfig {
                 doors,
@@ -176,16 +181,12 @@ impl Server {
         let (stop, mut stopped) = watch::channel(false);
         let looks_after = directory.clone();
         let looks_after = tokio::spawn(async move { looks_after.look_after_archives().await });
-        let follows = security.clone().map(|security| {
-            let source = settings.certificate.clone();
-            tokio::spawn(source.follow(security, certificates::LOOK_EVERY))
-        });
         let http = tokio::spawn(async move {
             let until = async move {
                 // An error means that the sender is gone, which is a stop as well.
                 let _ = stopped.wait_for(|stop| *stop).await;
             };
-            api::serve(listener, router, security, until).await;
+            api::serve(listener, service, security, until).await;
         });
         Ok(Self {
             address,
@@ -205,6 +206,11 @@ impl Server {
     /// The sessions.
     pub fn directory(&self) -> &Directory {
         &self.directory
+    }
+
+    /// Shows another certificate to whoever connects by Zenoh, at once: every line there is down for a moment.
+    pub async fn show_to_handles(&self, identity: &Identity) {
+        self.network.listening().renew(identity).await;
     }
 
     /// Whether the loop has ended by itself, which only a defect brings about.
@@ -241,7 +247,7 @@ impl Server {
 pub async fn run(settings: Settings) -> anyhow::Result<()> {
     let server = Server::start(settings).await?;
     tracing::info!("dashboard at {}/", server.page);
-    let mut terminate = tokio::signal::unix::signal(tokio::signal::unix::SignalKind::terminate())?;
+    let mut terminate = signal(SignalKind::terminate())?;
     let mut check = tokio::time::interval(Duration::from_millis(500));
     let failed = loop {
         tokio::select! {
@@ -257,6 +263,35 @@ pub async fn run(settings: Settings) -> anyhow::Result<()> {
         "the 1 kHz loop ended by itself; its panic stands above"
     );
     Ok(())
+}
+
+/// Shows each certificate that takes the place of the one that was given; at once when the process is told to hang up.
+fn follow_certificate(
+    settings: &Settings,
+    security: Option<Security>,
+    network: &Network,
+) -> anyhow::Result<JoinHandle<()>> {
+    let (told, shown) = watch::channel(None);
+    let data = settings.data_dir.clone();
+    let tell = move |identity: Identity, when| {
+        if let Err(error) = Address::renew(&data, identity.fingerprint) {
+            tracing::warn!("invites name the certificate of before: {error:#}");
+        }
+        told.send_replace(Some((identity, when)));
+    };
+    let (ask, asked) = watch::channel(());
+    let source = settings.certificate.clone();
+    let follow = source.follow(security, certificates::LOOK_EVERY, asked, tell);
+    let renew = network.listening().clone().follow(shown);
+    let mut hangups = signal(SignalKind::hangup())?;
+    let hear = async move {
+        while hangups.recv().await.is_some() {
+            ask.send_replace(());
+        }
+    };
+    Ok(tokio::spawn(async move {
+        tokio::join!(follow, renew, hear);
+    }))
 }
 
 /// What the server was told that it is reached by.

@@ -11,6 +11,7 @@
 //! | [`recording`] | what a handle wrote down, tick by tick |
 //! | [`relay`] | UDP through a bad network, seeded |
 //! | [`namespaces`] | two hosts on one machine |
+//! | [`inverse_service`] | a stand-in for the service of an Inverse3, with a hand at the arm |
 //! | [`mesh`] | an STL file, and whether it is watertight |
 //! | [`replay`] | such a recording swept through a block of its own |
 //! | [`kills`] | a server that is killed again and again while hands cut |
@@ -19,6 +20,7 @@
 
 pub mod client;
 pub mod demo;
+pub mod inverse_service;
 pub mod kills;
 pub mod mesh;
 pub mod namespaces;

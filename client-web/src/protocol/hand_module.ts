@@ -79,7 +79,7 @@ export interface HandState {
 /** A lease as a join grants it, with its keys: the handle's, then the server's. */
 export interface HandGrant {
   readonly keys: Uint8Array;
-  /** A `granted`, or the reply that it is in, as JSON. */
+  /** A `granted`, as JSON. */
   readonly granted: string;
 }
 

@@ -2,12 +2,8 @@
 
 import { signal, type ReadonlySignal } from "@preact/signals";
 import type { ComponentType } from "preact";
-import { ExperimentPage } from "./experiment/experiment_page";
-import { LatencyPage } from "./latency/latency_page";
+import { later } from "./later";
 import { LivePage } from "./live/live_page";
-import { RobotPage } from "./robot/robot_page";
-import { SessionsPage } from "./sessions/sessions_page";
-import { StabilityPage } from "./stability/stability_page";
 
 export interface Page {
   /** Stands in the address: `#/live`. */
@@ -18,11 +14,11 @@ export interface Page {
 
 export const PAGES: readonly Page[] = [
   { path: "live", title: "Live", component: LivePage },
-  { path: "sessions", title: "Sessions", component: SessionsPage },
-  { path: "experiment", title: "Experiment", component: ExperimentPage },
-  { path: "stability", title: "Stability", component: StabilityPage },
-  { path: "robot", title: "Robot", component: RobotPage },
-  { path: "latency", title: "Latency", component: LatencyPage },
+  { path: "sessions", title: "Sessions", component: later(async () => (await import("./sessions/sessions_page")).SessionsPage) },
+  { path: "experiment", title: "Experiment", component: later(async () => (await import("./experiment/experiment_page")).ExperimentPage) },
+  { path: "stability", title: "Stability", component: later(async () => (await import("./stability/stability_page")).StabilityPage) },
+  { path: "robot", title: "Robot", component: later(async () => (await import("./robot/robot_page")).RobotPage) },
+  { path: "latency", title: "Latency", component: later(async () => (await import("./latency/latency_page")).LatencyPage) },
 ];
 
 const current = signal(pageInAddress());

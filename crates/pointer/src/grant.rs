@@ -5,7 +5,7 @@ use teleclay_device::DeviceProfile;
 use teleclay_impedance::{CouplingSetup, Scale, SetupError};
 use teleclay_proto::Axes;
 use teleclay_proto::http::{BodyError, parse};
-use teleclay_proto::join::{Granted, JoinReply, LoopParameters};
+use teleclay_proto::join::{Granted, LoopParameters};
 
 /// What a pointer may do to a hand, whatever it is told: the law of the simulated handle. Nothing raises it.
 pub const PROFILE: DeviceProfile = DeviceProfile {
@@ -21,8 +21,6 @@ pub const PROFILE: DeviceProfile = DeviceProfile {
 const STIFFNESS_N_PER_M: f64 = 150.0;
 /// Share of the stiffest spring that lets go in time, where that is softer.
 const MARGIN: f64 = 0.9;
-/// The field by which a reply is told from what it grants.
-const OUTCOME: &[u8] = b"\"outcome\"";
 /// Slower than this no page tells a pointer, and faster none does, 1/s.
 const RATES_HZ: std::ops::RangeInclusive<f64> = 20.0..=1000.0;
 
@@ -32,12 +30,6 @@ pub enum Refused {
     /// What came is no grant.
     #[error(transparent)]
     Body(#[from] BodyError),
-    /// The server says no.
-    #[error("refused: {reason}")]
-    Said {
-        /// In its words.
-        reason: String,
-    },
     /// No device keeps up with the loop.
     #[error("its loop ticks every {tick_s} s, wanted 0.0005 to 0.002 s")]
     Tick {
@@ -77,21 +69,12 @@ pub enum Refused {
 pub struct Grant(Granted);
 
 impl Grant {
-    /// From a `granted` of a join, or the whole reply that it is in.
+    /// From a `granted` of a join.
     ///
     /// # Errors
-    /// It is none, the server says no, or no device keeps up with the loop.
+    /// It is none, or no device keeps up with the loop.
     pub fn parse(json: &[u8], profile: DeviceProfile) -> Result<Self, Refused> {
-        // Of the two a reply alone has this field; within a text its quotes would be escaped.
-        let is_reply = json.windows(OUTCOME.len()).any(|part| part == OUTCOME);
-        let mut granted = if is_reply {
-            match parse::<JoinReply>(json)? {
-                JoinReply::Granted(granted) => *granted,
-                JoinReply::Refused { reason, .. } => return Err(Refused::Said { reason }),
-            }
-        } else {
-            parse::<Granted>(json)?
-        };
+        let mut granted: Granted = parse(json)?;
         let tick_s = granted.parameters.tick_s;
         if !is_device_tick(tick_s) {
             return Err(Refused::Tick { tick_s });

@@ -165,6 +165,12 @@ fn the_words_of_a_stop_are_made_to_fit_and_never_a_reason_not_to_stop() {
     for (by, reason, shown_by, shown_reason) in [
         ("", "", "somebody", "no reason given"),
         ("E\nve", "a\u{7}b", "E ve", "a b"),
+        (
+            "\u{202e}Eve\u{200b}",
+            "\u{3164}\u{a0}",
+            "Eve",
+            "no reason given",
+        ),
         (&long, &long, &long[..2 * MAX_NAME], &long[..2 * MAX_REASON]),
     ] {
         let mut bench = Bench::new(new_session(1));
@@ -177,7 +183,7 @@ fn the_words_of_a_stop_are_made_to_fit_and_never_a_reason_not_to_stop() {
     // To clear a stop is not urgent: who does it has a name.
     let mut bench = Bench::new(new_session(1));
     bench.command(&stop("Eve", "enough")).unwrap();
-    for by in ["", "E\nve", &long] {
+    for by in ["", "E\nve", "Eve\u{200b}", &long] {
         let refusal = bench.command(&clear(by)).unwrap_err();
         assert!(matches!(&refusal, Refusal::Field(error) if error.pointer == "/by"));
     }

@@ -17,7 +17,8 @@ use crate::thread::Driver;
 
 /// Where the service listens unless it is told otherwise.
 pub const SERVICE_PORT: u16 = 10001;
-const EVENTS_PORT: u16 = 10020;
+/// And its event channel.
+pub const EVENTS_PORT: u16 = 10020;
 /// A service on this machine answers within milliseconds.
 const CONNECT_WITHIN: Duration = Duration::from_secs(1);
 /// The last word is waited for no longer than this.

@@ -186,7 +186,8 @@ fn what_is_wrong_is_named_with_what_would_be_right() {
             &["--haply-url", "ws://192.0.2.7:10001"],
             "want ws://localhost:PORT",
         ),
-        (&["--operator", ""], "want 1 to 64 printable characters"),
+        (&["--operator", ""], "0 characters, wanted 1 to 64"),
+        (&["--operator", "Ada\u{200b}"], "it has U+200B"),
     ] {
         let error = read(words).unwrap_err();
         assert!(error.contains(what), "{words:?}: {error}");

@@ -1,12 +1,11 @@
 //! From bytes to a checked type, or to an error that says where.
 
 use serde::Serialize;
-use serde::de::DeserializeOwned;
+use serde::de::{DeserializeOwned, DeserializeSeed as _};
 use serde_json::Value;
 use serde_json::error::Category;
-use serde_path_to_error::{Path, Segment};
 
-use super::read::{Document, Reader};
+use super::read::{Document, ReadError, Reader, segment};
 use crate::validate::{FieldError, Validate};
 
 /// Why a body was not accepted.
@@ -38,8 +37,7 @@ where
 {
     let document = document(body)?;
     require_object(&document)?;
-    let value: T = serde_path_to_error::deserialize(Reader(&document))
-        .map_err(|error| FieldError::new(pointer(error.path()), error.inner().to_string()))?;
+    let value = T::deserialize(Reader(&document)).map_err(|ReadError(error)| error)?;
     // Serde also reads a struct from an array of its fields in order. The reader does not let it, but for what is
     // inside of an enumeration that is told apart by one of its fields. Nobody documents such a body, and a field added
     // later would change its meaning: wherever the value is an object, the body must have one.
@@ -71,12 +69,11 @@ fn require_object(document: &Value) -> Result<(), FieldError> {
 /// The document that a text holds, and nothing after it.
 fn document(body: &[u8]) -> Result<Value, BodyError> {
     let mut text = serde_json::Deserializer::from_slice(body);
-    let Document(document) = serde_path_to_error::deserialize(&mut text).map_err(|error| {
-        if error.inner().classify() == Category::Data {
-            FieldError::new(pointer(error.path()), without_position(error.inner())).into()
-        } else {
-            syntax_error(error.into_inner())
-        }
+    let mut place = String::new();
+    let read = Document(&mut place).deserialize(&mut text);
+    let document = read.map_err(|error| match error.classify() {
+        Category::Data => FieldError::new(place, without_position(&error)).into(),
+        _ => syntax_error(error),
     })?;
     text.end().map_err(syntax_error)?;
     Ok(document)
@@ -116,20 +113,4 @@ fn without_position(error: &serde_json::Error) -> String {
     let text = error.to_string();
     let position = format!(" at line {} column {}", error.line(), error.column());
     text.strip_suffix(&position).unwrap_or(&text).to_owned()
-}
-
-fn pointer(path: &Path) -> String {
-    path.iter()
-        .map(|part| match part {
-            Segment::Seq { index } => format!("/{index}"),
-            Segment::Map { key } => segment(key),
-            // A tagged enumeration adds no level to the document, and an unknown one cannot be named.
-            Segment::Enum { .. } | Segment::Unknown => String::new(),
-        })
-        .collect()
-}
-
-/// One key of a JSON pointer, RFC 6901.
-fn segment(key: &str) -> String {
-    format!("/{}", key.replace('~', "~0").replace('/', "~1"))
 }

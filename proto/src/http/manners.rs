@@ -3,7 +3,8 @@
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-use crate::validate::{FieldError, Validate, check_text};
+use crate::legible::{self, check_text, fitted};
+use crate::validate::{FieldError, Validate};
 
 /// Longest name of an operator or of a device, in characters.
 pub const MAX_NAME: usize = 64;
@@ -23,8 +24,8 @@ pub struct Stop {
 }
 
 impl Stop {
-    /// A stop whose words fit, whatever came: nothing is a reason not to stop. What is too long is cut off, control
-    /// characters become spaces, and where a text is empty, another one says so.
+    /// A stop whose words fit, whatever came: nothing is a reason not to stop. What is too long is cut off, what cannot
+    /// be seen becomes a blank, and where nothing is left, another text says so.
     #[must_use]
     pub fn fitting(by: &str, reason: &str) -> Self {
         Self {
@@ -88,15 +89,16 @@ pub struct Denial {
     pub reason: String,
 }
 
-/// Checks the name of an operator at `pointer`: 1 to 64 characters, none that would move a cursor.
+/// Checks the name of an operator or a device at `pointer`: 1 to 64 characters, each of which is seen, without blanks
+/// at its ends or several in a row.
 ///
 /// # Errors
 /// It is none.
 pub fn check_name(pointer: &str, name: &str) -> Result<(), FieldError> {
-    check_text(pointer, name, MAX_NAME)
+    legible::check_name(pointer, name, MAX_NAME)
 }
 
-/// Checks a reason at `pointer`: 1 to 128 characters, none that would move a cursor.
+/// Checks a reason at `pointer`: 1 to 128 characters, each of which is seen, and not of blanks alone.
 ///
 /// # Errors
 /// It is none.
@@ -146,18 +148,4 @@ pub const NO_REASON: &str = "no reason given";
 
 fn no_reason() -> String {
     NO_REASON.to_owned()
-}
-
-fn fitted(text: &str, most: usize, otherwise: &str) -> String {
-    if text.is_empty() {
-        return otherwise.to_owned();
-    }
-    let printable = |character: char| {
-        if character.is_control() {
-            ' '
-        } else {
-            character
-        }
-    };
-    text.chars().take(most).map(printable).collect()
 }

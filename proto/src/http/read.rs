@@ -6,81 +6,92 @@
 //! nobody outside knows.
 
 use std::borrow::Cow;
-use std::collections::BTreeSet;
 use std::fmt;
 
-use serde::de::value::{MapDeserializer, SeqDeserializer, StrDeserializer};
+use serde::de::value::StrDeserializer;
 use serde::de::{
-    self, Deserialize, Deserializer, Expected, IntoDeserializer, MapAccess, SeqAccess, Unexpected,
-    Visitor,
+    self, DeserializeSeed, Deserializer, Expected, MapAccess, SeqAccess, Unexpected, Visitor,
 };
 use serde::forward_to_deserialize_any;
 use serde_json::{Map, Number, Value};
 
 use super::readable;
+use crate::validate::FieldError;
 
-/// A document in which no object has two fields of one name: a [`Value`] keeps the last of them in silence.
-pub(super) struct Document(pub(super) Value);
+/// Reads a document in which no object has two fields of one name: a [`Value`] keeps the last of them in silence. Where
+/// it is none, the text has the place of the mistake as a JSON pointer, which serde does not tell.
+pub(super) struct Document<'p>(pub(super) &'p mut String);
 
-impl<'de> Deserialize<'de> for Document {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct Whole;
+impl<'de> DeserializeSeed<'de> for Document<'_> {
+    type Value = Value;
 
-        impl<'de> Visitor<'de> for Whole {
-            type Value = Document;
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Value, D::Error> {
+        deserializer.deserialize_any(self)
+    }
+}
 
-            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("JSON")
-            }
+impl<'de> Visitor<'de> for Document<'_> {
+    type Value = Value;
 
-            fn visit_bool<E>(self, value: bool) -> Result<Document, E> {
-                Ok(Document(Value::Bool(value)))
-            }
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("JSON")
+    }
 
-            fn visit_i64<E>(self, value: i64) -> Result<Document, E> {
-                Ok(Document(value.into()))
-            }
+    fn visit_bool<E>(self, value: bool) -> Result<Value, E> {
+        Ok(Value::Bool(value))
+    }
 
-            fn visit_u64<E>(self, value: u64) -> Result<Document, E> {
-                Ok(Document(value.into()))
-            }
+    fn visit_i64<E>(self, value: i64) -> Result<Value, E> {
+        Ok(value.into())
+    }
 
-            fn visit_f64<E>(self, value: f64) -> Result<Document, E> {
-                Ok(Document(value.into()))
-            }
+    fn visit_u64<E>(self, value: u64) -> Result<Value, E> {
+        Ok(value.into())
+    }
 
-            fn visit_str<E>(self, value: &str) -> Result<Document, E> {
-                Ok(Document(value.into()))
-            }
+    fn visit_f64<E>(self, value: f64) -> Result<Value, E> {
+        Ok(value.into())
+    }
 
-            fn visit_unit<E>(self) -> Result<Document, E> {
-                Ok(Document(Value::Null))
-            }
+    fn visit_str<E>(self, value: &str) -> Result<Value, E> {
+        Ok(value.into())
+    }
 
-            fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<Document, A::Error> {
-                let mut items = Vec::new();
-                while let Some(Document(item)) = seq.next_element()? {
-                    items.push(item);
-                }
-                Ok(Document(Value::Array(items)))
-            }
+    fn visit_unit<E>(self) -> Result<Value, E> {
+        Ok(Value::Null)
+    }
 
-            fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Document, A::Error> {
-                let mut fields = Map::new();
-                let mut names = BTreeSet::new();
-                while let Some(name) = map.next_key::<String>()? {
-                    if !names.insert(name.clone()) {
-                        return Err(de::Error::custom(format!("duplicate field `{name}`")));
-                    }
-                    let Document(value) = map.next_value()?;
-                    fields.insert(name, value);
-                }
-                Ok(Document(Value::Object(fields)))
+    fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<Value, A::Error> {
+        let Self(place) = self;
+        let mut items = Vec::new();
+        loop {
+            let item = seq.next_element_seed(Document(place));
+            let number = items.len();
+            match item.inspect_err(|_| place.insert_str(0, &format!("/{number}")))? {
+                Some(item) => items.push(item),
+                None => return Ok(Value::Array(items)),
             }
         }
-
-        deserializer.deserialize_any(Whole)
     }
+
+    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Value, A::Error> {
+        let Self(place) = self;
+        let mut fields = Map::new();
+        while let Some(name) = map.next_key::<String>()? {
+            if fields.contains_key(&name) {
+                return Err(de::Error::custom(format!("duplicate field `{name}`")));
+            }
+            let value = map.next_value_seed(Document(place));
+            let value = value.inspect_err(|_| place.insert_str(0, &segment(&name)))?;
+            fields.insert(name, value);
+        }
+        Ok(Value::Object(fields))
+    }
+}
+
+/// One key of a JSON pointer, RFC 6901.
+pub(super) fn segment(key: &str) -> String {
+    format!("/{}", key.replace('~', "~0").replace('/', "~1"))
 }
 
 /// Reads one value of a document.
@@ -90,10 +101,78 @@ impl<'de> Deserialize<'de> for Document {
 #[derive(Clone, Copy)]
 pub(super) struct Reader<'de>(pub(super) &'de Value);
 
-/// What is wrong with a value.
+/// What is wrong with a value, and where in what was read. A tagged enumeration is no level of the document.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{0}")]
-pub(super) struct ReadError(String);
+#[error("{}", .0.detail)]
+pub(super) struct ReadError(pub(super) FieldError);
+
+impl ReadError {
+    fn new(detail: String) -> Self {
+        Self(FieldError::new("", detail))
+    }
+
+    fn under(self, prefix: &str) -> Self {
+        Self(self.0.under(prefix))
+    }
+}
+
+/// The fields of an object, in their order.
+struct Fields<'de> {
+    rest: serde_json::map::Iter<'de>,
+    read: Option<(&'de String, &'de Value)>,
+}
+
+impl<'de> MapAccess<'de> for Fields<'de> {
+    type Error = ReadError;
+
+    fn next_key_seed<K: DeserializeSeed<'de>>(
+        &mut self,
+        seed: K,
+    ) -> Result<Option<K::Value>, ReadError> {
+        self.read = self.rest.next();
+        self.read.map_or(Ok(None), |(name, _)| {
+            let key = seed.deserialize(StrDeserializer::new(name));
+            key.map(Some)
+                .map_err(|error: ReadError| error.under(&segment(name)))
+        })
+    }
+
+    fn next_value_seed<V: DeserializeSeed<'de>>(&mut self, seed: V) -> Result<V::Value, ReadError> {
+        let (name, value) = self
+            .read
+            .take()
+            .ok_or_else(|| ReadError::new("a value was read before its name".to_owned()))?;
+        let value = seed.deserialize(Reader(value));
+        value.map_err(|error: ReadError| error.under(&segment(name)))
+    }
+
+    fn size_hint(&self) -> Option<usize> {
+        Some(self.rest.len())
+    }
+}
+
+/// The items of an array, in their order.
+struct Items<'de>(std::iter::Enumerate<std::slice::Iter<'de, Value>>);
+
+impl<'de> SeqAccess<'de> for Items<'de> {
+    type Error = ReadError;
+
+    fn next_element_seed<T: DeserializeSeed<'de>>(
+        &mut self,
+        seed: T,
+    ) -> Result<Option<T::Value>, ReadError> {
+        self.0.next().map_or(Ok(None), |(index, item)| {
+            let value = seed.deserialize(Reader(item));
+            value
+                .map(Some)
+                .map_err(|error: ReadError| error.under(&format!("/{index}")))
+        })
+    }
+
+    fn size_hint(&self) -> Option<usize> {
+        Some(self.0.len())
+    }
+}
 
 impl<'de> Reader<'de> {
     fn refused<V: Visitor<'de>>(self, wanted: &V) -> ReadError {
@@ -106,7 +185,7 @@ impl<'de> Reader<'de> {
             Some(zero) if zero.abs() <= 0.0 => visitor.visit_u64(0),
             Some(large) if EXACT < large.abs() && !self.0.is_u64() && !self.0.is_i64() => {
                 let large = readable(large);
-                Err(ReadError(format!(
+                Err(ReadError::new(format!(
                     "{large} is larger than any whole number here may be"
                 )))
             }
@@ -138,22 +217,11 @@ impl<'de> Deserializer<'de> for Reader<'de> {
                 Simplest::Float(value) => visitor.visit_f64(value),
             },
             Value::String(text) => visitor.visit_borrowed_str(text),
-            Value::Array(items) => {
-                let mut seq = SeqDeserializer::new(items.iter().map(Reader));
-                let value = visitor.visit_seq(&mut seq)?;
-                seq.end()?;
-                Ok(value)
-            }
-            Value::Object(fields) => {
-                let mut map = MapDeserializer::new(
-                    fields
-                        .iter()
-                        .map(|(name, value)| (name.as_str(), Reader(value))),
-                );
-                let value = visitor.visit_map(&mut map)?;
-                map.end()?;
-                Ok(value)
-            }
+            Value::Array(items) => visitor.visit_seq(Items(items.iter().enumerate())),
+            Value::Object(fields) => visitor.visit_map(Fields {
+                rest: fields.iter(),
+                read: None,
+            }),
         }
     }
 
@@ -220,17 +288,9 @@ impl<'de> Deserializer<'de> for Reader<'de> {
     }
 }
 
-impl<'de> IntoDeserializer<'de, ReadError> for Reader<'de> {
-    type Deserializer = Self;
-
-    fn into_deserializer(self) -> Self {
-        self
-    }
-}
-
 impl de::Error for ReadError {
     fn custom<T: fmt::Display>(message: T) -> Self {
-        Self(message.to_string())
+        Self::new(message.to_string())
     }
 
     fn invalid_type(came: Unexpected<'_>, wanted: &dyn Expected) -> Self {
@@ -245,7 +305,7 @@ impl de::Error for ReadError {
             Unexpected::Map => "an object".into(),
             _ => "something else".into(),
         };
-        Self(format!("{came} came, wanted {}", in_words(wanted)))
+        Self::new(format!("{came} came, wanted {}", in_words(wanted)))
     }
 
     fn invalid_value(came: Unexpected<'_>, wanted: &dyn Expected) -> Self {
@@ -253,14 +313,14 @@ impl de::Error for ReadError {
     }
 
     fn invalid_length(length: usize, wanted: &dyn Expected) -> Self {
-        Self(format!(
+        Self::new(format!(
             "an array of {length} came, wanted {}",
             in_words(wanted)
         ))
     }
 
     fn unknown_variant(word: &str, wanted: &'static [&'static str]) -> Self {
-        Self(format!("`{word}` came, wanted one of {wanted:?}"))
+        Self::new(format!("`{word}` came, wanted one of {wanted:?}"))
     }
 }
 

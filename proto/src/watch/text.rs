@@ -8,7 +8,8 @@ use crate::http::{
     check_name, check_reason, parse,
 };
 use crate::join::{ClayDescription, Granted, LoopParameters, RefusalCode};
-use crate::validate::{check, check_text};
+use crate::legible::check_length;
+use crate::validate::check;
 use crate::word::words;
 use crate::{Axes, SessionId};
 
@@ -291,7 +292,7 @@ impl Validate for ClientText {
                 device.validate_under("/device")?;
                 token
                     .as_ref()
-                    .map_or(Ok(()), |token| check_text("/token", token, MAX_TOKEN))
+                    .map_or(Ok(()), |token| check_length("/token", token, MAX_TOKEN))
             }
             Self::Request { tool, operator }
             | Self::Withdraw { tool, operator }

@@ -17,7 +17,7 @@ use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, Uri, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use teleclay_doors::audit::Deed;
-use teleclay_front::{Peer, Tries};
+use teleclay_front::{Peer, ShownFor, Tries};
 use teleclay_proto::invite::Role;
 use tower_http::cors::CorsLayer;
 
@@ -61,7 +61,12 @@ pub(crate) async fn require_token(
         session: need.session().map(str::to_owned),
         outcome: String::new(),
     };
-    let answer = match check_token(doors, api.tries(), peer, request.headers()) {
+    let what = if is_stop(request.method(), asked.path()) {
+        ShownFor::Stop
+    } else {
+        ShownFor::Else
+    };
+    let answer = match check_token(doors, api.tries(), peer, request.headers(), what) {
         Ok(pass) => {
             deed.who = pass.who.to_string();
             match need.check(&pass) {
@@ -155,6 +160,13 @@ impl<'a> Need<'a> {
             _ => check_role(pass, self.role),
         }
     }
+}
+
+/// Whether a request stops a session.
+pub(crate) fn is_stop(method: &Method, path: &str) -> bool {
+    let call = path.strip_prefix("/api/v1/sessions/");
+    let call = call.and_then(|call| call.split_once('/'));
+    *method == Method::POST && call.is_some_and(|(_, call)| call == "stop")
 }
 
 /// Whether a call is one that whoever operates may make: a stop, and what concerns who holds which tool.
@@ -299,6 +311,7 @@ fn check_token(
     tries: &Tries,
     peer: Option<Peer>,
     headers: &HeaderMap,
+    what: ShownFor,
 ) -> Result<Pass, Failure> {
     if let Some(pass) = doors.admit(None) {
         return Ok(pass);
@@ -306,7 +319,7 @@ fn check_token(
     let Some(shown) = shown_token(headers) else {
         return Err(refusal("the request shows none"));
     };
-    look_at(doors, tries, peer, shown)?
+    look_at(doors, tries, peer, shown, what)?
         .ok_or_else(|| refusal("the request shows another one, or an invite that has ended"))
 }
 
@@ -319,17 +332,19 @@ pub(crate) fn look_at(
     tries: &Tries,
     peer: Option<Peer>,
     shown: &str,
+    what: ShownFor,
 ) -> Result<Option<Pass>, Failure> {
     let now = Instant::now();
     // Before it is looked at: whoever guesses must not learn from the answer which guess was right.
-    if let Some(wait) = tries.wait(now, peer) {
+    if let Some(wait) = tries.wait(now, peer, shown, what) {
         let wait_s = wait.as_secs_f64().ceil();
         let failure = TOO_MANY_TRIES.because(format!("wait for {wait_s} s"));
         return Err(failure.with_header(header::RETRY_AFTER, HeaderValue::from(wait_s as u64)));
     }
     let pass = doors.admit(Some(shown));
-    if pass.is_none() {
-        tries.count(now, peer);
+    match pass {
+        Some(_) => tries.count_good(peer, shown),
+        None => tries.count_wrong(now, peer, what),
     }
     Ok(pass)
 }
@@ -472,11 +487,29 @@ mod tests {
                 &Tries::default(),
                 None,
                 &headers,
+                ShownFor::Else,
             )
         };
         assert_eq!(check("correct"), Ok(Pass::of_the_token()));
         for wrong in ["", "correc", "correct ", "correctly", "Correct"] {
             assert!(check(wrong).is_err(), "{wrong:?}");
+        }
+    }
+
+    #[test]
+    fn a_stop_is_told_from_everything_else() {
+        let stop = "/api/v1/sessions/a/stop";
+        assert!(is_stop(&Method::POST, stop));
+        assert!(!is_stop(&Method::GET, stop));
+        for other in [
+            "/api/v1/sessions/a/stop/clear",
+            "/api/v1/sessions/stop",
+            "/api/v1/sessions/a/b/stop",
+            "/api/v1/sessions/a/stop/",
+            "/sessions/a/stop",
+            "/stop",
+        ] {
+            assert!(!is_stop(&Method::POST, other), "{other}");
         }
     }
 

@@ -65,7 +65,7 @@ use self::watchers::Watchers;
 use crate::directory::Directory;
 
 pub use self::config::ApiConfig;
-pub use teleclay_front::{bind, serve};
+pub use teleclay_front::{Service, bind, serve};
 
 /// Streams that may be open at once, of all sessions: at 2 Mbit/s each, what a fast wired link carries.
 const MAX_WATCHERS: usize = 64;
@@ -97,8 +97,16 @@ const HEADERS: [(HeaderName, &str); 7] = [
     ),
 ];
 
+/// The interface as it is served: a stop is heard where nothing else finds a place any more.
+pub fn service(directory: Directory, config: ApiConfig) -> Service {
+    Service {
+        router: router(directory, config),
+        is_urgent: |method, asked| guard::is_stop(method, asked.path()),
+    }
+}
+
 /// Everything that the server answers over HTTP.
-pub fn router(directory: Directory, config: ApiConfig) -> Router {
+fn router(directory: Directory, config: ApiConfig) -> Router {
     let api = Api::new(directory, config);
     let token = from_fn_with_state(api.clone(), guard::require_token);
     let guarded = |calls: Router<Api>| {

@@ -7,6 +7,7 @@ use std::time::{Duration, SystemTime};
 use anyhow::Context as _;
 use teleclay_doors::{Authority, Identity};
 use teleclay_front::Security;
+use tokio::sync::watch;
 
 /// A certificate that was given is looked at again this often.
 pub(crate) const LOOK_EVERY: Duration = Duration::from_secs(10);
@@ -37,9 +38,15 @@ impl Source {
         }
     }
 
-    /// Shows each certificate that is put in place of the one that was given, for as long as it is waited for; looks
-    /// again `every` so often.
-    pub(crate) async fn follow(self, security: Security, every: Duration) {
+    /// Tells of each certificate that is put in place of the one that was given, for as long as it is waited for, and
+    /// shows it on the page; looks again `every` so often, and whenever it is `asked` to.
+    pub(crate) async fn follow(
+        self,
+        security: Option<Security>,
+        every: Duration,
+        mut asked: watch::Receiver<()>,
+        tell: impl Fn(Identity, When),
+    ) {
         let Self::Given { chain, key } = self else {
             return std::future::pending().await;
         };
@@ -52,20 +59,20 @@ impl Source {
             || -> (Option<SystemTime>, Option<SystemTime>) { (changed(&chain), changed(&key)) };
         let mut shown = version();
         loop {
-            tokio::time::sleep(every).await;
+            let when = tokio::select! {
+                () = tokio::time::sleep(every) => When::Free,
+                Ok(()) = asked.changed() => When::Now,
+            };
             let now = version();
-            if now == shown {
+            if now == shown && when == When::Free {
                 continue;
             }
             let read = Identity::read(&chain, &key).context("its files");
-            let replaced = read
-                .and_then(|identity| Ok(security.replace(&identity.chain_pem, &identity.key_pem)?));
-            match replaced {
-                Ok(()) => {
+            match read.and_then(|identity| show(identity, security.as_ref())) {
+                Ok(identity) => {
                     shown = now;
-                    tracing::info!(
-                        "the page shows a new certificate; handles see it when the server starts again"
-                    );
+                    tracing::info!("there is a new certificate, and {when}");
+                    tell(identity, when);
                 }
                 // It may be half written; it is looked at again.
                 Err(error) => tracing::warn!(
@@ -74,6 +81,36 @@ impl Source {
             }
         }
     }
+}
+
+/// When handles are to see a certificate. Their lines are down for a moment then.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum When {
+    /// Once nobody holds a tool over Zenoh.
+    Free,
+    /// At once.
+    Now,
+}
+
+impl std::fmt::Display for When {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Free => "handles see it once nobody holds a tool over Zenoh",
+            Self::Now => "handles see it at once",
+        })
+    }
+}
+
+/// Shows a certificate on the page, where that is encrypted.
+///
+/// # Errors
+/// It is none, or the key is not its own.
+fn show(identity: Identity, security: Option<&Security>) -> anyhow::Result<Identity> {
+    match security {
+        Some(security) => security.replace(&identity.chain_pem, &identity.key_pem)?,
+        None => drop(Security::new(&identity.chain_pem, &identity.key_pem)?),
+    }
+    Ok(identity)
 }
 
 /// An address of this machine that others may reach, if it has one.
@@ -166,7 +203,11 @@ mod tests {
             chain: chain.clone(),
             key: key.clone(),
         };
-        tokio::spawn(source.follow(security, Duration::from_millis(5)));
+        let (told, mut heard) = tokio::sync::mpsc::unbounded_channel();
+        let tell = move |identity: Identity, when| told.send((identity.fingerprint, when)).unwrap();
+        let (ask, asked) = watch::channel(());
+        let every = Duration::from_millis(5);
+        tokio::spawn(source.follow(Some(security), every, asked, tell));
         let endpoint = format!("tls/127.0.0.1:{port}").parse().unwrap();
         let shows = async |identity: &Identity| {
             let looked =
@@ -186,6 +227,9 @@ mod tests {
             );
         }
         assert!(!shows(&one).await);
+        assert_eq!(heard.recv().await, Some((other.fingerprint, When::Free)));
+        ask.send_replace(());
+        assert_eq!(heard.recv().await, Some((other.fingerprint, When::Now)));
         std::fs::remove_dir_all(folder).unwrap();
     }
 }

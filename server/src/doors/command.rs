@@ -39,6 +39,16 @@ impl Address {
         std::fs::write(data.join(FILE), text + "\n")
     }
 
+    /// Writes down by what handles know the certificate from now on, where they connect encrypted.
+    pub(crate) fn renew(data: &Path, fingerprint: Fingerprint) -> anyhow::Result<()> {
+        let mut address = Self::read(data)?;
+        if address.fingerprint.is_some() {
+            address.fingerprint = Some(fingerprint.to_string());
+            address.write(data)?;
+        }
+        Ok(())
+    }
+
     fn read(data: &Path) -> anyhow::Result<Self> {
         let path = data.join(FILE);
         let text = std::fs::read_to_string(&path).with_context(|| {

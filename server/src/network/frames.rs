@@ -14,9 +14,11 @@ use teleclay_proto::frame::{HandleFrame, MAX_FRAME};
 use teleclay_proto::keys::{self, Key, Leaf, SessionKeys};
 use teleclay_shell::Clock;
 use teleclay_shell::network::CONTROL_QOS;
+use tokio::sync::watch;
 use zenoh::Session;
 use zenoh::Wait;
 
+use super::listening::Sessions;
 use crate::directory::{Directory, Live};
 use crate::doors::{LeaseChannel, Way};
 use crate::engine::{FramesIn, Incoming, Outgoing, TOOLS};
@@ -34,7 +36,7 @@ pub(crate) struct Sender {
 /// What that thread works with.
 pub(super) struct Sending {
     pub(super) outgoing: Consumer<Outgoing>,
-    pub(super) session: Session,
+    pub(super) sessions: watch::Receiver<Sessions>,
     pub(super) realm: RealmName,
     pub(super) directory: Directory,
 }
@@ -78,24 +80,30 @@ impl Sender {
 }
 
 /// The way of a tool's frames to its holder.
-struct Line<'a> {
+struct Line {
     live: Live,
-    publisher: zenoh::pubsub::Publisher<'a>,
+    publisher: zenoh::pubsub::Publisher<'static>,
     holder: Option<Arc<LeaseChannel>>,
 }
 
 fn send_until(stop: &AtomicBool, sending: Sending) {
     let Sending {
         mut outgoing,
-        session,
+        mut sessions,
         realm,
         directory,
     } = sending;
     let (congestion, priority, is_express, reliability) = CONTROL_QOS;
-    let mut lines: HashMap<(u32, usize), Line<'_>> = HashMap::new();
+    let mut session = sessions.borrow_and_update().control.clone();
+    let mut lines: HashMap<(u32, usize), Line> = HashMap::new();
     let mut buffer = [0; MAX_FRAME];
     let mut sealed = Vec::with_capacity(MAX_FRAME + TRAILER);
     while !stop.load(Ordering::Relaxed) {
+        // An error means that no other session will come.
+        if sessions.has_changed().unwrap_or(false) {
+            lines.clear();
+            session = sessions.borrow_and_update().control.clone();
+        }
         while let Ok(Outgoing {
             session: number,
             slot,

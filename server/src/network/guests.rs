@@ -8,11 +8,13 @@ use teleclay_proto::RealmName;
 use teleclay_proto::join::Farewell;
 use teleclay_proto::keys::SessionKeys;
 use tokio::sync::mpsc::UnboundedReceiver;
+use tokio::sync::watch;
 use tokio::time::{MissedTickBehavior, interval};
 use zenoh::Session;
 use zenoh::qos::{CongestionControl, Priority};
 
 use super::json;
+use super::listening::Sessions;
 use crate::directory::Directory;
 use crate::session::{Departure, tool_id};
 
@@ -30,7 +32,7 @@ pub(super) async fn let_go_of_guests(session: Session, directory: Directory) {
 
 /// Says goodbye to whoever has to go.
 pub(super) async fn say_farewells(
-    session: Session,
+    sessions: watch::Receiver<Sessions>,
     realm: RealmName,
     mut departed: UnboundedReceiver<Departure>,
 ) {
@@ -41,14 +43,12 @@ pub(super) async fn say_farewells(
             holder,
             reason,
         } = departure;
-        let farewell = Farewell {
-            lease: holder.lease,
-            reason,
-        };
+        let farewell = Farewell::fitting(holder.lease, &reason);
         let keys = SessionKeys::new(realm.clone(), id);
         let sealed = holder.channel.seal(Purpose::Leave, &json(&farewell));
+        let control = sessions.borrow().control.clone();
         // An error means that the session is closing. Should it get lost, silence tells the same, later.
-        let _ = session
+        let _ = control
             .put(keys.tool_farewell(tool_id(slot)), sealed)
             .congestion_control(CongestionControl::Drop)
             .priority(Priority::RealTime)

@@ -4,12 +4,14 @@
 //! |---|---|
 //! | `frames` | frames, from the network to the tick and from the tick to the network |
 //! | `guests` | what becomes of those who lose their tool |
+//! | `listening` | both sessions, and others in their place when another certificate is shown |
 //! | `queries` | what is asked |
 //! | `publish` | what is told without being asked, where everybody may know it |
 //! | `rules` | what Zenoh itself lets others do |
 
 mod frames;
 mod guests;
+mod listening;
 mod publish;
 mod queries;
 mod rules;
@@ -22,17 +24,16 @@ use teleclay_doors::Identity;
 use teleclay_proto::RealmName;
 use teleclay_shell::Clock;
 use teleclay_shell::endpoint::Endpoint;
-use teleclay_shell::network::{Endpoints, NetworkError, Permissions, Rule, open};
-use zenoh::Session;
+use teleclay_shell::network::NetworkError;
 
 use crate::directory::Directory;
 
 pub(crate) use frames::{FedSender, Sender};
+pub(crate) use listening::Listening;
 pub(crate) use publish::bricks;
 
-use frames::{Sending, receive_frames};
-use publish::{publish_bricks, publish_state, show_sessions};
-use queries::{Line, answer_queries};
+use frames::Sending;
+use listening::Place;
 
 /// Where the server listens for handles, and what it shows of itself there.
 #[derive(Clone, Copy, Debug)]
@@ -47,8 +48,7 @@ pub(crate) struct Lines<'a> {
 
 /// The server's side of Zenoh. Dropping it closes nothing by itself: see [`Network::close`].
 pub struct Network {
-    control: Session,
-    slow: Session,
+    listening: Listening,
     stop: Arc<AtomicBool>,
     sender: Option<JoinHandle<()>>,
 }
@@ -65,60 +65,25 @@ impl Network {
         sender: FedSender,
         clock: Clock,
     ) -> Result<Self, NetworkError> {
-        let identity = lines
-            .identity
-            .map(|identity| (identity.chain_pem.clone(), identity.key_pem.clone()));
-        let listen = |endpoint: &Endpoint, rules: Vec<Rule>| Endpoints {
-            identity: identity.clone(),
-            permissions: Permissions::Only(rules),
-            ..Endpoints::listening(endpoint.clone())
+        let place = Place {
+            realm: realm.clone(),
+            control: lines.control.clone(),
+            slow: lines.slow.clone(),
+            directory: directory.clone(),
+            clock,
         };
-        let control = open(&listen(lines.control, rules::of_control(realm))).await?;
-        let slow = open(&listen(lines.slow, rules::of_slow(realm))).await?;
-        let failed = |reason: zenoh::Error| NetworkError::Open {
-            what: lines.control.to_string(),
-            reason: reason.to_string(),
-        };
-
-        receive_frames(&control, realm, directory.clone(), clock)
-            .await
-            .map_err(failed)?;
-        for (session, line) in [(&control, Line::Control), (&slow, Line::Slow)] {
-            answer_queries(session, realm, directory.clone(), line)
-                .await
-                .map_err(failed)?;
-        }
-        tokio::spawn(guests::let_go_of_guests(control.clone(), directory.clone()));
+        let listening = Listening::begin(place, lines.identity).await?;
         if let Some(departed) = directory.departed() {
             tokio::spawn(guests::say_farewells(
-                control.clone(),
+                listening.sessions(),
                 realm.clone(),
                 departed,
             ));
         }
-        // Subscribers show no token, so where one is needed there is nothing to subscribe to.
-        let is_public = !directory.doors().needs_token();
-        if is_public {
-            tokio::spawn(publish_state(
-                slow.clone(),
-                realm.clone(),
-                directory.clone(),
-            ));
-            tokio::spawn(publish_bricks(
-                slow.clone(),
-                realm.clone(),
-                directory.clone(),
-            ));
-        }
-        tokio::spawn(show_sessions(
-            slow.clone(),
-            realm.clone(),
-            directory.clone(),
-        ));
         let FedSender { sender, outgoing } = sender;
         let sending = Sending {
             outgoing,
-            session: control.clone(),
+            sessions: listening.sessions(),
             realm: realm.clone(),
             directory: directory.clone(),
         };
@@ -128,11 +93,14 @@ impl Network {
             directory.set_zenoh_up();
         }
         Ok(Self {
-            control,
-            slow,
+            listening,
             stop: sender.stop,
             sender: Some(sender.thread),
         })
+    }
+
+    pub(crate) fn listening(&self) -> &Listening {
+        &self.listening
     }
 
     /// Closes both sessions and ends the sender.
@@ -143,11 +111,7 @@ impl Network {
             // A panic was printed by the thread itself.
             let _ = tokio::task::spawn_blocking(move || sender.join()).await;
         }
-        for session in [self.control, self.slow] {
-            if let Err(error) = session.close().await {
-                tracing::warn!(%error, "a zenoh session did not close cleanly");
-            }
-        }
+        self.listening.close().await;
     }
 }
 

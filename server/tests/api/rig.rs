@@ -99,9 +99,9 @@ impl Rig {
             ros2: None,
         };
         change(&mut config);
-        let router = api::router(self.directory().clone(), config);
+        let service = api::service(self.directory().clone(), config);
         self.runtime
-            .spawn(api::serve(listener, router, None, std::future::pending()));
+            .spawn(api::serve(listener, service, None, std::future::pending()));
         Site::at(address)
     }
 

@@ -11,14 +11,16 @@ const PACKAGE: &str = "teleclay-golden";
 
 /// What differs, a line each.
 pub(super) fn check() -> Result<Vec<String>> {
-    let build = ["build", "--release", "--locked", "--package", PACKAGE];
-    run(command(cargo()).args(build))?;
+    let package = ["--locked", "--package", PACKAGE];
+    run(command(cargo()).args(["build", "--release"]).args(package))?;
+    // As a browser gets it.
     run(command(cargo())
-        .args(build)
-        .args(["--lib", "--target", WASM]))?;
+        .args(["rustc", "--profile", "page", "--target", WASM, "--lib"])
+        .args(["--crate-type", "cdylib"])
+        .args(package))?;
     let native =
         answer(&mut command(program(PACKAGE))).with_context(|| format!("{PACKAGE} failed"))?;
-    let module = target().join(WASM).join("release/teleclay_golden.wasm");
+    let module = target().join(WASM).join("page/teleclay_golden.wasm");
     let script = root().join("tests/golden/run.mjs");
     let wasm = answer(command("node").arg(script).arg(module))
         .context("the WebAssembly module failed in Node.js")?;

@@ -121,6 +121,13 @@ export function describeCurve(name: LoopName, curve: Curve, round_trip_s: number
   return `Nyquist diagram of ${which}; it comes within ${Math.hypot(curve.re[n] + 1, curve.im[n]).toFixed(2)} of −1 at ${frequency(nearest)}`;
 }
 
+/** What the cursor shows, in words. */
+export function describeAt(curve: Curve, at_rad_s: number): string {
+  const n = indexAt(curve.omega_rad_s, at_rad_s);
+  const magnitude_db = 20 * Math.log10(Math.hypot(curve.re[n], curve.im[n]));
+  return `${frequency(curve.omega_rad_s[n])}: ${magnitude_db.toFixed(1)} dB, ${unwrapped(curve)[n].toFixed(0)}°`;
+}
+
 export function frequency(omega_rad_s: number): string {
   return `${omega_rad_s.toPrecision(2)} rad/s = ${(omega_rad_s / (2 * Math.PI)).toPrecision(2)} Hz`;
 }
@@ -181,7 +188,8 @@ function unwrapped({ re, im }: Curve): number[] {
   return out;
 }
 
-function spanOf({ omega_rad_s }: Curve): [number, number] {
+/** The frequencies on show, rad/s. */
+export function spanOf({ omega_rad_s }: Curve): [number, number] {
   return [Math.max(omega_rad_s[0], 1e-2), Math.min(omega_rad_s[omega_rad_s.length - 1], 1e3)];
 }
 

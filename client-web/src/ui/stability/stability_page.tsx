@@ -11,8 +11,9 @@ import { mathematics, mathematicsMissing } from "../mathematics";
 import { type DelayedLoop, loopOf } from "../../theory/loop";
 import { verdictOf, type Verdict } from "../../theory/verdict";
 import {
-  bodeMagnitude, bodePhase, type Curve, curveOf, describeCurve, type LoopName, nyquist, ZOOMS, type Zoom,
+  bodeMagnitude, bodePhase, type Curve, curveOf, describeAt, describeCurve, type LoopName, nyquist, spanOf, ZOOMS, type Zoom,
 } from "./figures";
+import { BODE_KEYS, cursorAfter } from "./bode_keys";
 import { partsOf, question, round_trip_s, settings } from "./model";
 import { Margins } from "./margins";
 import { problemIn } from "../number/refusal";
@@ -57,6 +58,16 @@ export function StabilityPage(): JSX.Element {
   const onBode = (at: FigurePoint | undefined): void => {
     at_rad_s.value = at?.x;
   };
+  /** Spoken where a key has moved the cursor. */
+  const spoken = useSignal("");
+  const onKeyDown = (event: KeyboardEvent): void => {
+    if (curve.value === undefined || event.ctrlKey || event.altKey || event.metaKey) return;
+    const next = cursorAfter(event, at_rad_s.value, spanOf(curve.value));
+    if (next === "other") return;
+    event.preventDefault();
+    at_rad_s.value = next;
+    spoken.value = next === undefined ? "no cursor" : describeAt(curve.value, next);
+  };
   const { phase: asked } = theory.loop.asked.value;
   const named = WORDS.find(({ value }) => value === loop.value);
 
@@ -80,8 +91,12 @@ export function StabilityPage(): JSX.Element {
       </section>
       <section class="panel bode" aria-label="Bode diagram">
         <header><h2>Bode</h2><span class="faint" title={named?.title}>{named?.title.split(/[:,]/)[0]}</span></header>
-        <FigureView content={magnitude} test="bode-magnitude" label="Bode diagram, magnitude over frequency" onPointer={onBode} />
-        <FigureView content={phase} test="bode-phase" label="Bode diagram, phase over frequency" onPointer={onBode} />
+        <div class="curves" role="application" aria-label="Cursor of the Bode diagram" aria-describedby="bode-keys" tabIndex={0} onKeyDown={onKeyDown} data-testid="bode-curves">
+          <FigureView content={magnitude} test="bode-magnitude" label="Bode diagram, magnitude over frequency" onPointer={onBode} />
+          <FigureView content={phase} test="bode-phase" label="Bode diagram, phase over frequency" onPointer={onBode} />
+        </div>
+        <p class="hidden" id="bode-keys">Keys: {BODE_KEYS}.</p>
+        <p class="hidden" aria-live="polite" data-testid="bode-reading">{spoken.value}</p>
       </section>
       <Margins verdict={verdict} />
       <StabilityControls />

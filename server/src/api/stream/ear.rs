@@ -1,6 +1,7 @@
 //! The half of a socket that hears: never kept waiting by what is being sent, nor by what was asked before.
 //!
-//! Frames go to the tick from here, and a stop is carried out from here. Everything else waits its turn.
+//! Frames go to the tick from here, and a stop is carried out from here. Everything else waits its turn, and whoever
+//! sends more than there is any use for is heard more slowly.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -19,12 +20,13 @@ use tokio::time::{Duration, sleep};
 use super::answer::{problem, told_of_change};
 use super::hand::Hearing;
 use super::operate::Asker;
+use super::pace::Pace;
 use crate::api::problem::{NO_LEASE, SYNTAX};
 use crate::api::see_through;
 use crate::api::socket::MAX_INCOMING;
 use crate::api::socket::end::{End, end_of};
 
-/// A hand that sends more than any loop does is looked at again so soon.
+/// Whoever sends more than there is any use for is looked at again so soon.
 const PAUSE: Duration = Duration::from_millis(5);
 /// Binary messages that make no sense are answered once in this time.
 const SAID_EVERY: Duration = Duration::from_secs(1);
@@ -78,6 +80,7 @@ pub(super) struct Ear<'a> {
 impl Ear<'_> {
     pub(super) async fn listen(&self, socket: &mut SplitStream<WebSocket>) -> End {
         let mut said: Option<Instant> = None;
+        let mut pace = Pace::of_a_watcher(Instant::now());
         loop {
             let message = match socket.next().await {
                 None => return End::Left,
@@ -87,13 +90,13 @@ impl Ear<'_> {
             self.shared.0.gave_a_sign.store(true, Ordering::Relaxed);
             let heard = match message {
                 Message::Close(_) => return End::Left,
-                // The library answers pings; of a hand they count as messages.
+                // The library answers pings, and they count as messages.
                 Message::Ping(_) | Message::Pong(_) => {
-                    self.pace().await;
+                    self.wait_for(&mut pace).await;
                     continue;
                 }
                 Message::Binary(bytes) => {
-                    self.pace().await;
+                    self.wait_for(&mut pace).await;
                     let now = Instant::now();
                     let is_time = said.is_none_or(|said| SAID_EVERY < now.duration_since(said));
                     match self.frames(&bytes) {
@@ -113,6 +116,7 @@ impl Ear<'_> {
                     } else if MAX_INCOMING < text.len() {
                         return End::TooLong;
                     } else {
+                        self.wait_for(&mut pace).await;
                         Heard::Text(text.to_string())
                     }
                 }
@@ -124,12 +128,13 @@ impl Ear<'_> {
         }
     }
 
-    /// Waits where a hand sends more than any loop does.
-    async fn pace(&self) {
+    /// Waits where a hand sends more than any loop does, or somebody without one more than `pace`.
+    async fn wait_for(&self, pace: &mut Pace) {
         loop {
+            let now = Instant::now();
             let may_hear = match &mut *self.shared.hearing() {
-                Some(hearing) => hearing.may_hear(Instant::now()),
-                None => true,
+                Some(hearing) => hearing.may_hear(now),
+                None => pace.may_hear(now),
             };
             if may_hear {
                 return;

@@ -12,6 +12,7 @@ use teleclay_proto::frame::HandleFrame;
 use teleclay_proto::watch::{FrameError, FramesKind, FramesView};
 use teleclay_shell::Clock;
 
+use super::pace::Pace;
 use crate::directory::{Live, SocketGrant};
 use crate::doors::{LeaseChannel, Pass, SocketLine};
 use crate::engine::{FramesIn, Incoming};
@@ -19,10 +20,6 @@ use crate::session::slot_of;
 
 /// From message to message, at the least: two ticks share one.
 const MESSAGES_EVERY: Duration = Duration::from_millis(2);
-/// Messages that are heard in a second, and that may come at once: twice what a loop of 1 kHz sends at most, and what a
-/// second without a network holds back.
-const MESSAGES_PER_S: f64 = 2000.0;
-const MESSAGES_AT_ONCE: f64 = 1000.0;
 
 /// A lease on a socket. Dropping it gives the tool back.
 pub(super) struct Hand {
@@ -44,8 +41,7 @@ pub(super) struct Hearing {
     pass: Pass,
     frames: FramesIn,
     clock: Clock,
-    may_hear: f64,
-    refilled: Instant,
+    pace: Pace,
 }
 
 impl Hand {
@@ -66,8 +62,7 @@ impl Hand {
             pass: pass.clone(),
             frames: grant.frames,
             clock,
-            may_hear: MESSAGES_AT_ONCE,
-            refilled: now,
+            pace: Pace::of_a_hand(now),
         };
         let hand = Self {
             live,
@@ -125,12 +120,7 @@ impl Hearing {
 
     /// Whether another message may be heard: one that sends more than any loop does is heard more slowly.
     pub(super) fn may_hear(&mut self, now: Instant) -> bool {
-        let passed_s = now.duration_since(self.refilled).as_secs_f64();
-        self.may_hear = MESSAGES_AT_ONCE.min(self.may_hear + MESSAGES_PER_S * passed_s);
-        self.refilled = now;
-        let may_hear = 1.0 <= self.may_hear;
-        self.may_hear -= f64::from(u8::from(may_hear));
-        may_hear
+        self.pace.may_hear(now)
     }
 
     /// A message of frames came. Those count that the holder of the tool wrote, each once.

@@ -9,6 +9,7 @@
 //! | [`answer`] | what is said to whoever has asked |
 //! | [`bricks`] | which bricks a watcher still lacks |
 //! | [`telemetry`] | samples into batches |
+//! | [`pace`] | how fast a socket is heard |
 //!
 //! Nothing queues for a watcher. Telemetry waits in a ring of fixed length that forgets its oldest, bricks wait in the
 //! clay itself, state is read when it is sent, and one message at a time is on its way. What holds for every socket
@@ -19,6 +20,7 @@ mod bricks;
 mod ear;
 mod hand;
 mod operate;
+mod pace;
 mod telemetry;
 mod watcher;
 

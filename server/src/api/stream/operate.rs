@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use teleclay_front::Peer;
+use teleclay_front::{Peer, ShownFor};
 use teleclay_proto::http::NO_REASON;
 use teleclay_proto::invite::Role;
 use teleclay_proto::join::{ClayDescription, JoinRequest, RefusalCode};
@@ -194,7 +194,7 @@ impl<'a> Asker<'a> {
         if !doors.needs_token() {
             return Ok(doors.admit(None));
         }
-        look_at(doors, self.api.tries(), self.peer, token)
+        look_at(doors, self.api.tries(), self.peer, token, ShownFor::Else)
     }
 
     /// Whether the role does for it; writes down where not.

@@ -31,21 +31,21 @@ export function HandReadings(): JSX.Element | null {
       </div>
       <div title="round trip from this hand to the server and back"><dt>round trip</dt><dd>{trip.text}<small> {trip.unit}</small></dd></div>
       <div title="height of the tool above the ground"><dt>height</dt><dd data-testid="tool-height">{fixed(1000 * state.tool_m[2], 1)}<small> mm</small></dd></div>
-      <ClayHash state={state} />
+      {state.clay_hash !== undefined && <ClayHash state={state} hash={state.clay_hash} />}
     </dl>
   );
 }
 
-function ClayHash({ state }: { readonly state: Hand["state"] }): JSX.Element {
+function ClayHash({ state, hash }: { readonly state: Hand["state"]; readonly hash: string }): JSX.Element {
   const clay = useComputed(() => live.session.value?.clay);
   const isSameBlock = clay.value?.epoch === state.clay_epoch;
-  const verdict = state.clay_hash === undefined || clay.value === undefined
+  const verdict = clay.value === undefined
     ? undefined
-    : isSameBlock ? (state.clay_hash === clay.value.hash ? "same" : "differs") : "another block";
+    : isSameBlock ? (hash === clay.value.hash ? "same" : "differs") : "another block";
   return (
     <div class="wide" title="hash of the hand's copy of the clay, beside that of the server's; while somebody cuts, one is a little ahead of the other">
       <dt>copy of the clay</dt>
-      <dd><code data-testid="clay-hash">{state.clay_hash ?? "none"}</code>{verdict !== undefined && <small data-testid="clay-verdict" data-verdict={verdict}> {verdict}</small>}</dd>
+      <dd><code data-testid="clay-hash">{hash}</code>{verdict !== undefined && <small data-testid="clay-verdict" data-verdict={verdict}> {verdict}</small>}</dd>
     </div>
   );
 }

@@ -20,7 +20,7 @@ export function HandSettings(): JSX.Element {
   };
   return (
     <>
-      <p class="how"><span><b>Drag</b> on the picture to hold and move the hand. The view turns by the <b>middle button</b> or <b>two fingers</b>.</span></p>
+      <p class="how"><span><b>Drag</b> on the picture to hold and move the hand.</span></p>
       <div class="checks">
         <Check test="view-only" is={isViewed.value} set={(to) => { isViewed.value = to; }} title="while this is on, drags turn the view and move no hand">drags turn the view</Check>
         <Check test="latch" is={isLatched.value} set={(to) => { isLatched.value = to; }} title="for space and for the gamepad's button: one press holds, the next lets go">keep hold</Check>
@@ -28,6 +28,7 @@ export function HandSettings(): JSX.Element {
       <details class="set">
         <summary>Wheel, keys, fingers, gamepad</summary>
         <ul class="how">
+          <li>The view turns by the <b>middle button</b> or <b>two fingers</b>.</li>
           <li>The <b>wheel</b> lifts, the <b>right button</b> beside the left one is the clutch: the hand moves without the handle.</li>
           <li>Two <b>fingers</b> that part lift, and hold the hand meanwhile.</li>
           <li><b>Space</b> held and <b>arrows</b>; <b>Page Up</b> and <b>Down</b> lift, <b>C</b> is the clutch, shift is slow, escape lets go.</li>

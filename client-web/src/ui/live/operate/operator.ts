@@ -119,7 +119,7 @@ export function followOperator(): void {
 }
 
 function name(): string {
-  const words = typed.value.trim();
+  const words = typed.value.trim().replace(/ +/gu, " ");
   return words === "" ? NOBODY : words;
 }
 
