@@ -7,6 +7,7 @@ import { type LatencyTable, latencyTableSchema } from "./latency";
 import * as theory from "./theory";
 import { clayResetSchema, patchSchema, problemSchema, sessionEntrySchema, sessionSchema } from "./session";
 import type { Problem, Session, SessionEntry } from "./session";
+import { type Recording, recordingsSchema } from "./recording";
 import { type Strokes, strokesSchema } from "./strokes";
 
 /** What the server speaks; asked for when the socket is opened. */
@@ -42,6 +43,7 @@ export const encodeText = (message: ServerText | ClientText): string => JSON.str
 
 export const decodeSession = (text: string): Session => decode(sessionSchema, text);
 export const decodeSessions = (text: string): SessionEntry[] => decode(v.array(sessionEntrySchema), text);
+export const decodeRecordings = (text: string): Recording[] => decode(recordingsSchema, text);
 export const decodeStrokes = (text: string): Strokes => decode(strokesSchema, text);
 
 export const decodeLoopAnswer = (text: string): theory.LoopAnswer => decode(theory.loopAnswerSchema, text);

@@ -95,6 +95,28 @@ export class Api {
     return `${this.path(session)}/clay.${format}${at_s === undefined ? "" : `?at_s=${at_s}`}`;
   }
 
+  recordingsPath(session: string): string {
+    return `${this.path(session)}/recordings`;
+  }
+
+  /** Where a recording is as a file. */
+  recordingFile(session: string, recording: string): string {
+    return `${this.recordingsPath(session)}/${encodeURIComponent(recording)}.mcap`;
+  }
+
+  /** Under the name of the moment, with everything, at every tick. */
+  record(session: string): Promise<Outcome> {
+    return this.#ask("POST", this.recordingsPath(session), {});
+  }
+
+  endRecording(session: string, recording: string): Promise<Outcome> {
+    return this.#ask("POST", `${this.recordingsPath(session)}/${encodeURIComponent(recording)}/stop`);
+  }
+
+  deleteRecording(session: string, recording: string): Promise<Outcome> {
+    return this.#ask("DELETE", `${this.recordingsPath(session)}/${encodeURIComponent(recording)}`);
+  }
+
   historyPath(session: string): string {
     return `${this.path(session)}/history`;
   }

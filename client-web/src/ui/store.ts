@@ -4,6 +4,7 @@ import { gridOf } from "../clay/past_mesh";
 import { Live } from "../state/live";
 import { Operating } from "../state/operating";
 import { Past } from "../state/past";
+import { Recordings } from "../state/recordings";
 import { Sessions } from "../state/sessions";
 import { Tables } from "../state/tables";
 import { Theory } from "../state/theory";
@@ -17,6 +18,7 @@ import { pictureQuality } from "./picture_quality";
 
 export const live = new Live(browser);
 export const sessions = new Sessions(browser, live);
+export const recordings = new Recordings(browser, live);
 export const timeLine = new TimeLine(browser, live);
 export const past = new Past(
   browser,

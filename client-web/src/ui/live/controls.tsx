@@ -8,6 +8,7 @@ import { live } from "../store";
 import { ClayFiles } from "./clay_files";
 import { MaterialControls } from "./material_controls";
 import { NetworkControls } from "./network_controls";
+import { Recordings } from "./recordings";
 import { SchemeControls } from "./scheme_controls";
 import { Story } from "./story";
 
@@ -16,6 +17,7 @@ export function Controls(): JSX.Element {
     <fieldset class="panel controls" disabled={!live.isCurrent.value || live.session.value === undefined} aria-label="Controls">
       <RunControls />
       <ClayFiles />
+      <Recordings />
       <ToolChoice />
       <Story />
       <SchemeControls />
