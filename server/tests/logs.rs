@@ -70,10 +70,7 @@ fn each_line_of_a_log_in_json_says_when_how_grave_and_of_which_session() {
 
 fn make_and_stop(port: u16) {
     for (path, body) in [
-        (
-            "/api/v1/sessions",
-            r#"{"id":"logged"}"#,
-        ),
+        ("/api/v1/sessions", r#"{"id":"logged"}"#),
         ("/api/v1/sessions/logged/stop", r#"{"reason":"a test"}"#),
     ] {
         let mut connection = TcpStream::connect(("127.0.0.1", port)).unwrap();
