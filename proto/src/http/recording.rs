@@ -3,8 +3,9 @@
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
+use crate::legible::check_text;
 use crate::names::SessionId;
-use crate::validate::{FieldError, Validate, check_text};
+use crate::validate::{FieldError, Validate};
 
 /// Topics that a recording may be asked for by name.
 pub const MAX_TOPICS: usize = 64;
