@@ -8,6 +8,8 @@ use crate::wire::{End, Typed};
 
 /// More tokens under names of ours are looked at and not kept: anybody can show some.
 const MOST_KEPT: usize = 4096;
+/// So many strangers are told of, and more are only counted: a log is not theirs to fill.
+const MOST_TOLD: usize = 100;
 
 /// What tokens are there, beside ours.
 #[derive(Debug)]
@@ -18,6 +20,7 @@ pub(crate) struct Graph {
     ours: HashMap<String, (Typed, usize)>,
     /// By token; only under names that could be ours.
     others: HashMap<String, End>,
+    told: usize,
 }
 
 /// Somebody who means another type by a name of ours.
@@ -59,6 +62,7 @@ impl Graph {
             zid,
             ours: HashMap::new(),
             others: HashMap::new(),
+            told: 0,
         }
     }
 
@@ -66,7 +70,11 @@ impl Graph {
     pub(crate) fn have(&mut self, ours: Typed) -> Vec<Stranger> {
         let strangers = self.others.values();
         let strangers = strangers.filter(|end| end.typed.name == ours.name);
-        let strangers = strangers.filter_map(|end| strange(end, &ours)).collect();
+        let strangers: Vec<Stranger> = strangers
+            .filter_map(|end| strange(end, &ours))
+            .take(MOST_TOLD - self.told)
+            .collect();
+        self.told += strangers.len();
         let name = ours.name.clone();
         self.ours.entry(name).or_insert((ours, 0)).1 += 1;
         strangers
@@ -82,7 +90,7 @@ impl Graph {
         }
     }
 
-    /// A token is there.
+    /// A token is there; tells whose it is where they take something of ours for another.
     pub(crate) fn appear(&mut self, token: &str) -> Option<Stranger> {
         let end = End::of_token(token)?;
         let could_be_ours = end.typed.name.starts_with("/teleclay/");
@@ -94,7 +102,9 @@ impl Graph {
         if self.others.len() < MOST_KEPT {
             self.others.insert(token.to_owned(), end);
         }
-        stranger
+        let stranger = stranger.filter(|_| self.told < MOST_TOLD)?;
+        self.told += 1;
+        Some(stranger)
     }
 
     /// A token has gone.
@@ -225,6 +235,22 @@ mod tests {
         assert!(graph.appear(&token(&altered()[0])).is_some());
         graph.lose(TOPIC);
         assert_eq!(graph.strangers(), 0);
+    }
+
+    #[test]
+    fn tokens_without_end_fill_neither_memory_nor_log() {
+        let mut graph = graph();
+        graph.have(typed());
+        let told = (0..2 * MOST_KEPT).filter(|number| {
+            let other = Typed {
+                hash: format!("RIHS01_{number}"),
+                ..typed()
+            };
+            graph.appear(&token(&other)).is_some()
+        });
+        assert_eq!(told.count(), MOST_TOLD);
+        assert_eq!(graph.strangers(), MOST_KEPT);
+        assert_eq!(graph.have(typed()), []);
     }
 
     #[test]

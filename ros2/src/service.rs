@@ -3,11 +3,13 @@
 //! one.
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use teleclay_ros::own::{SetSchemeRequest, SetSchemeResponse};
 use teleclay_ros::standard::{SetBoolRequest, SetBoolResponse, TriggerRequest, TriggerResponse};
 use teleclay_ros::{CdrError, Message, from_cdr, names, to_cdr};
 use tokio::task::JoinSet;
+use tokio::time::{MissedTickBehavior, interval};
 use zenoh::query::Query;
 
 use crate::Commands;
@@ -15,6 +17,8 @@ use crate::host::{Call, HostSession};
 use crate::node::{AnsweredService, Node, now_ns};
 use crate::wire::Attachment;
 
+/// Calls of a service are that far apart, at least: whoever reaches the router could fill the logs with them.
+const CALL_EVERY: Duration = Duration::from_millis(100);
 /// A request that is longer is none: names of schemes are short.
 const LONGEST_REQUEST: usize = 1024;
 const REFUSED: &str = "this server takes no commands over ROS 2, where nobody knows who asks: --ros2-commands lets it";
@@ -77,7 +81,10 @@ async fn answer(
     session: impl HostSession,
     commands: Commands,
 ) {
+    let mut pace = interval(CALL_EVERY);
+    pace.set_missed_tick_behavior(MissedTickBehavior::Delay);
     while let Some(query) = answered.waiting.recv().await {
+        pace.tick().await;
         let Some(asked) = asked_as(&query) else {
             let session = session.name();
             tracing::warn!(

@@ -49,7 +49,8 @@ def main():
     missing = {name for name in store.fielddefs if name.startswith("teleclay_msgs/") and "_Event" not in name}
     missing -= {case["name"] for case in cases}
     differing += [f"{name} is not compared" for name in sorted(missing)]
-    print("\n".join(differing))
+    for difference in differing:
+        print(difference)
     print(f"{file.name}: {len(cases)} messages written again, {len(differing)} differ")
     if arguments.write:
         file.write_text("[\n" + ",\n".join(json.dumps(case) for case in cases) + "\n]\n")

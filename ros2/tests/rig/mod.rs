@@ -127,6 +127,28 @@ pub(crate) async fn pause() {
     tokio::time::sleep(Duration::from_millis(4)).await;
 }
 
+/// Makes calls all at once, and waits for their answers.
+pub(crate) async fn together<T>(calls: impl Iterator<Item = impl Future<Output = T>>) -> Vec<T> {
+    let mut waiting: Vec<_> = calls.map(Box::pin).collect();
+    let mut answers = Vec::new();
+    std::future::poll_fn(|context| {
+        waiting.retain_mut(|call| match call.as_mut().poll(context) {
+            std::task::Poll::Ready(answer) => {
+                answers.push(answer);
+                false
+            }
+            std::task::Poll::Pending => true,
+        });
+        if waiting.is_empty() {
+            std::task::Poll::Ready(())
+        } else {
+            std::task::Poll::Pending
+        }
+    })
+    .await;
+    answers
+}
+
 /// Calls a service as `rmw_zenoh` does, and gives the bytes of the answer.
 pub(crate) async fn answer(client: &Session, key: &str, request: &[u8], sequence: i64) -> Vec<u8> {
     let gid = [5; 16];
