@@ -22,4 +22,5 @@ mod routes;
 mod schema;
 mod stream;
 mod theory;
+mod visitor;
 mod wire;
