@@ -215,7 +215,8 @@ fn a_wrench_a_frame_and_a_diagnosis_say_what_they_are_of() {
             .find(|transform| transform.child_frame_id == own);
         if let Some(handle) = handle {
             let at = &handle.transform.translation;
-            assert_eq!([at.x, at.y, at.z], home_m);
+            let bits = |at_m: [f64; 3]| at_m.map(f64::to_bits);
+            assert_eq!(bits([at.x, at.y, at.z]), bits(home_m));
             break;
         }
     }
