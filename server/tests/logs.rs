@@ -64,7 +64,7 @@ fn each_line_of_a_log_in_json_says_when_how_grave_and_of_which_session() {
             break;
         }
     }
-    assert!(of_a_session && 4 < seen, "{seen} lines");
+    assert!(of_a_session && 3 < seen, "{seen} lines");
     std::fs::remove_dir_all(&data).unwrap();
 }
 

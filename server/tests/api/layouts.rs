@@ -6,8 +6,8 @@ use std::path::Path;
 use serde_json::Value;
 use teleclay_foxglove::server::Channel;
 
-use crate::foxglove::Client;
 use crate::rig::{Rig, small};
+use crate::visitor::Client;
 
 /// What the layouts show: the session that a server starts with.
 const SESSION: &str = "demo";

@@ -23,4 +23,5 @@ mod schema;
 mod stream;
 mod theory;
 mod urgent;
+mod visitor;
 mod wire;
