@@ -47,7 +47,12 @@ pub(crate) fn install_wheel() -> Result<()> {
     let mut pip = with_wheel(script("python"));
     pip.args(["-m", "pip", "install", "--disable-pip-version-check"])
         // Everything that it needs is there, pinned; nothing is fetched, nothing else changed.
-        .args(["--no-build-isolation", "--no-deps", "--no-index", "--force-reinstall"])
+        .args([
+            "--no-build-isolation",
+            "--no-deps",
+            "--no-index",
+            "--force-reinstall",
+        ])
         .arg(root().join("python"))
         // The versions of Cargo.lock; maturin's own default is the release profile.
         .env("MATURIN_PEP517_ARGS", "--locked");

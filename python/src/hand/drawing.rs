@@ -5,8 +5,8 @@
 //! a force f:                       p = y_h + f / K
 //! ```
 //!
-//! `K` is the coupling's own spring, `y_h` the handle, where it will be when the place is played. Whatever is intended, `p` moves no faster than
-//! [`FASTEST_M_S`], so that nothing that a law says is a leap.
+//! `K` is the coupling's own spring, `y_h` the handle, where it will be when the place is played. Whatever is intended,
+//! `p` moves no faster than [`FASTEST_M_S`], so that nothing that a law says is a leap.
 
 use teleclay_impedance::GraspState;
 use teleclay_pointer::Pointer;

@@ -178,10 +178,19 @@ fn python_step() -> Result<()> {
 /// The wheel of python/, as whoever installs it has it.
 fn wheel_step() -> Result<()> {
     python::install_wheel()?;
-    run(&mut python::wheel_cargo("clippy --release --locked -- -D warnings"))?;
+    run(&mut python::wheel_cargo(
+        "clippy --release --locked -- -D warnings",
+    ))?;
     let mut tests = python::script("python");
     tests
-        .args(["-m", "pytest", "-p", "no:cacheprovider", "--quiet", "--durations=10"])
+        .args([
+            "-m",
+            "pytest",
+            "-p",
+            "no:cacheprovider",
+            "--quiet",
+            "--durations=10",
+        ])
         .arg(root().join("python/tests"))
         .arg("--server")
         .arg(program("teleclay-server"))
