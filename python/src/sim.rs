@@ -338,16 +338,18 @@ pub(crate) fn measured_critical_stiffness(
             "need mass, damping and tick above zero, a round trip up to 2 s, and two stiffnesses in order",
         ));
     }
-    let way = Impairment {
-        delay: Duration::from_secs_f64(rtt_s / 2.0),
+    // Each way in whole ticks, as far as the round trip is: a line delivers at ticks.
+    let up_s = (rtt_s / tick_s / 2.0).floor() * tick_s;
+    let way = |delay_s: f64| Impairment {
+        delay: Duration::from_secs_f64(delay_s.max(0.0)),
         ..Impairment::default()
     };
     let setup = WallSetup {
         mass_kg,
         damping_n_s_per_m,
         tick_s,
-        up: way,
-        down: way,
+        up: way(up_s),
+        down: way(rtt_s - up_s),
     };
     Ok(py.detach(|| measured(&setup, low, high)))
 }

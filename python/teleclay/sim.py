@@ -287,7 +287,7 @@ def measured_critical_stiffness(
 ) -> float:
     """Stiffness at which the naive wall turns unstable in a run, N/m, to a thousandth.
 
-    :func:`teleclay.control.critical_stiffness` says what must come out.
+    The round trip is to be a whole number of ticks: lines deliver at ticks. :func:`teleclay.control.critical_stiffness` says what must come out.
     """
     return _native.measured_critical_stiffness(mass_kg, damping_n_s_per_m, rtt_s, tick_s, between_n_per_m)
 

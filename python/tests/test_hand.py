@@ -11,29 +11,38 @@ import pytest
 
 import teleclay
 from teleclay import Force, LawFailed, Place
-from teleclay.hand import GRASPS
+from teleclay.hand import GRASPS, LINKS
 
 HELD = GRASPS.index("held")
 ABOVE_M = 0.01
 
 
 class Kept:
-    """Calls a law and keeps what it saw."""
+    """Calls a law, keeps what it saw, and ends once that is what is waited for."""
 
-    def __init__(self, law):
-        self.law, self.batches = law, []
+    def __init__(self, law, is_done):
+        self.law, self.is_done, self.batches = law, is_done, []
 
     def __call__(self, batch):
         self.batches.append(batch)
+        if self.is_done(self):
+            raise StopIteration
         return self.law(batch)
 
     def all(self, name):
         return np.concatenate([getattr(batch, name) for batch in self.batches])
 
+    def last(self, name, rows):
+        """As many of the last rows, or none where there are not so many yet."""
+        newest = self.batches[-(rows + 1) :]
+        values = np.concatenate([getattr(batch, name) for batch in newest])
+        return values[-rows:] if rows <= len(values) else values[:0]
 
-def run(url, session, law, duration_s=2.0, **more):
-    kept = Kept(law)
-    report = teleclay.operate(url, session, kept, duration_s=duration_s, patience_s=1.0, **more)
+
+def run(url, session, law, is_done):
+    kept = Kept(law, is_done)
+    report = teleclay.operate(url, session, kept, duration_s=60, patience_s=1.0)
+    assert kept.is_done(kept), "it did not come to that within a minute"
     return kept, report
 
 
@@ -47,77 +56,109 @@ def is_free(client, session):
 
 
 def test_a_place_is_gone_to(client, session, url):
-    kept, report = run(url, session, lambda batch: Place([0.02, -0.01, ABOVE_M]), 3.0)
+    def is_there(kept):
+        off_m = np.abs(kept.last("position_m", 200)[:, :2] - [0.02, -0.01])
+        return 0 < len(off_m) and off_m.max() < 2e-4 and (kept.last("grasp", 200) == HELD).all()
+
+    kept, report = run(url, session, lambda batch: Place([0.02, -0.01, ABOVE_M]), is_there)
     assert report.reason == "it was asked to leave" and report.tool == 1
-    np.testing.assert_allclose(kept.all("position_m")[-1, :2], [0.02, -0.01], atol=2e-4)
-    ticks = kept.all("ticks")
-    # The loop kept its pace, and the law saw every tick of it.
-    assert 0.98 * 3000 <= ticks.sum() <= report.counts["ticks"]
-    assert kept.batches[-1].dropped == 0 and report.counts["given_up"] == 0
-    # What the law sees last may be how it is let go of.
-    assert (kept.all("grasp")[-300:-100] == HELD).all()
+    # The law saw every tick, and every one that was owed was made or counted.
+    ticks = kept.all("ticks").sum() + report.counts["given_up"]
+    assert abs(ticks - 1e3 * kept.all("time_s")[-1]) < 200
+    assert kept.batches[-1].dropped == 0
     assert is_free(client, session)
 
 
-def test_a_softer_spring_comes_later_and_swings_less(client, session, url):
-    """1 kg and 10 N s/m on springs of 150 and 50 N/m, whose damper of 5 N s/m is as much softer: they overshoot by 9 and
-    by 1 %."""
-    halfway_s, overshoot = [], []
-    for stiffness_n_per_m in (150.0, 50.0):
-        kept, _ = run(url, session, lambda batch: Place([0.02, 0, ABOVE_M], stiffness_n_per_m), 2.0)
-        since_s = kept.all("time_s") - kept.all("time_s")[kept.all("grasp") == HELD][0]
-        way = kept.all("position_m")[:, 0] / 0.02
-        halfway_s.append(since_s[0.5 < way][0])
-        overshoot.append(way.max() - 1)
-    assert 1.4 < halfway_s[1] / halfway_s[0] < 2.5
-    assert 0.05 < overshoot[0] < 0.15 and overshoot[1] < 0.03
+@pytest.mark.parametrize("stiffness_n_per_m", [150.0, 50.0], ids=["stiff", "soft"])
+def test_a_spring_is_as_stiff_as_told(client, session, url, stiffness_n_per_m):
+    """Force over stretch, and beside it the coupling's damper, 5 N s/m at its own stiffness and softer with it."""
+
+    def goal_m(time_s):
+        return np.where(time_s % 2 < 1, 0.02, -0.02)
+
+    def stretched(kept):
+        # On the way, when the hand itself has arrived, and the thread was not held up for a while.
+        time_s = kept.all("time_s")
+        is_even = (kept.all("grasp") == HELD) & (kept.all("ticks") < 4)
+        uneven_s = np.maximum.accumulate(np.where(is_even, 0.0, time_s))
+        return (0.25 < time_s - uneven_s) & (0.25 < time_s % 1) & (1 < time_s)
+
+    def law(batch):
+        return Place([goal_m(batch.time_s[-1]), 0, ABOVE_M], stiffness_n_per_m)
+
+    kept, _ = run(url, session, law, lambda kept: 1200 < stretched(kept).sum())
+    rows = stretched(kept)
+    stretch_m = goal_m(kept.all("time_s")[rows]) - kept.all("position_m")[rows, 0]
+    against = np.stack([stretch_m, -kept.all("velocity_m_s")[rows, 0]], axis=-1)
+    (found, damper), *_ = np.linalg.lstsq(against, kept.all("hand_force_n")[rows, 0])
+    print(f"told {stiffness_n_per_m} N/m, found {found:.1f} N/m and {damper:.1f} N s/m beside it")
+    assert abs(found / stiffness_n_per_m - 1) < 0.15
+    assert 0 < damper < 8
 
 
 def test_a_force_is_pushed_and_capped(client, session, url):
-    kept, _ = run(url, session, lambda batch: Force([0.5, 0, 0]), 1.5)
-    # B v = f in the air above the clay.
-    np.testing.assert_allclose(kept.all("hand_force_n")[-400:-200, 0].mean(), 0.5, rtol=0.02)
-    kept, report = run(url, session, lambda batch: Force([1e6, 0, 0]), 1.0)
+    def is_even(kept):
+        pushed_n = kept.last("hand_force_n", 200)[:, 0]
+        return 0 < len(pushed_n) and np.abs(pushed_n - 0.5).max() < 0.02
+
+    run(url, session, lambda batch: Force([0.5, 0, 0]), is_even)
+    kept, _ = run(url, session, lambda batch: Force([1e6, 0, 0]), lambda kept: 5 < kept.all("hand_force_n").max())
     forces_n = np.linalg.norm(kept.all("hand_force_n"), axis=-1)
-    assert 5 < forces_n.max() <= 20.0 + 1e-9
-    rises_n = np.diff(forces_n) / kept.all("ticks")[1:]
-    assert rises_n.max() <= 2.0 + 1e-9
+    assert forces_n.max() <= 20.0 + 1e-9
+    assert (np.abs(np.diff(forces_n)) <= 2.0 * kept.all("ticks")[1:] + 1e-9).all()
     assert np.abs(kept.all("velocity_m_s")).max() <= 2.0 + 1e-9
+
+
+def strokes(batch):
+    return Place([0.015 * np.sin(3 * batch.time_s[-1]), 0, -0.004])
+
+
+def has_cut(kept):
+    return 0.01 < np.abs(kept.all("felt_force_n")).max() and 0.01 < np.ptp(kept.all("position_m")[:, 0])
 
 
 def test_a_hand_that_cuts_is_seen_by_those_who_watch(client, session, url):
     seen = []
 
     def watch():
-        seen.extend(client.telemetry(session, duration_s=4.0))
+        for batch in client.telemetry(session, duration_s=60):
+            seen.append(batch)
+            if 0.008 < np.ptp(np.concatenate([batch.handle_position_m for batch in seen])[:, 0]):
+                return
 
     watcher = threading.Thread(target=watch)
     watcher.start()
-    kept, _ = run(url, session, lambda batch: Place([0.015 * np.sin(3 * batch.time_s[-1]), 0, -0.004]), 3.0)
+    kept, _ = run(url, session, strokes, lambda kept: has_cut(kept) and not watcher.is_alive())
     watcher.join()
-    assert 0 < client.session(session)["clay"]["removed_volume_m3"]
-    assert 0.01 < np.abs(kept.all("felt_force_n")).max()
     handle_m = np.concatenate([batch.handle_position_m for batch in seen])
-    assert abs(np.abs(handle_m[:, 0]).max() - np.abs(kept.all("position_m")[:, 0]).max()) < 1e-3
+    # What the server tells lies within what the hand did.
+    assert kept.all("position_m")[:, 0].min() - 1e-4 < handle_m[:, 0].min()
+    assert handle_m[:, 0].max() < kept.all("position_m")[:, 0].max() + 1e-4
+    assert 0 < client.session(session)["clay"]["removed_volume_m3"]
     assert len(client.history(session)["strokes"]) >= 1
 
 
 def test_a_replicas_copy_comes_and_is_cut(client, session, url):
     client.patch(session, scheme="replica")
-    kept, _ = run(url, session, lambda batch: Place([0.015 * np.sin(3 * batch.time_s[-1]), 0, -0.004]), 3.0)
+    kept, _ = run(url, session, strokes, has_cut)
+    assert LINKS.index("on_copy") in kept.all("link") or LINKS.index("live") in kept.all("link")
+    assert is_free(client, session)
     assert 0 < client.session(session)["clay"]["removed_volume_m3"]
-    assert 0.01 < np.abs(kept.all("felt_force_n")).max()
 
 
 def test_none_lets_go_and_the_law_may_end_it(client, session, url):
-    def law(batch):
-        if 1.0 < batch.time_s[-1]:
-            raise StopIteration
-        return Force([0.5, 0, 0]) if batch.time_s[-1] < 0.5 else None
+    pushed = []
 
-    kept, _ = run(url, session, law, None)
-    assert (kept.all("hand_force_n")[-100:] == 0).all() and 0.2 < kept.all("hand_force_n").max()
-    assert (kept.all("grasp") == HELD).any() and kept.all("grasp")[-1] == GRASPS.index("released")
+    def law(batch):
+        pushed.extend(batch.hand_force_n[0.2 < batch.hand_force_n[:, 0]])
+        return None if pushed else Force([0.5, 0, 0])
+
+    def is_off(kept):
+        rows = kept.last("grasp", 100)
+        return 0 < len(pushed) and 0 < len(rows) and (rows == GRASPS.index("released")).all()
+
+    kept, _ = run(url, session, law, is_off)
+    assert (kept.last("hand_force_n", 50) == 0).all()
     assert is_free(client, session)
 
 
@@ -137,7 +178,7 @@ def test_a_law_that_fails_lets_go_and_says_so(client, session, url, gives, says)
 
     def law(batch):
         calls.append(batch)
-        return Force([0.5, 0, 0]) if batch.time_s[-1] < 0.5 else gives()
+        return gives() if (batch.grasp == HELD).any() else Force([0.5, 0, 0])
 
     with pytest.raises(LawFailed, match="the hand was let go of") as failed:
         teleclay.operate(url, session, law, patience_s=1.0)
@@ -192,17 +233,16 @@ def test_a_law_that_keeps_the_lock_for_a_while_costs_the_loop_nothing(client, se
     def law(batch):
         if not kept_s and 0.5 < batch.time_s[-1]:
             began_s = time.monotonic()
-            sum(range(2 * 10**7))
+            sum(range(5 * 10**6))  # One call of C.
             kept_s.append(time.monotonic() - began_s)
         return Place([0.01, 0, ABOVE_M])
 
-    kept, report = run(url, session, law, 2.0)
-    assert 0.05 < kept_s[0]
+    kept, _ = run(url, session, law, lambda kept: kept_s and kept_s[0] < kept.batches[-1].time_s[-1] - 0.6)
+    assert 0.02 < kept_s[0]
     longest = max(kept.batches, key=lambda batch: batch.time_s[-1] - batch.time_s[0])
-    # While the law sat on the lock, the loop made its ticks, and none was given up.
-    assert 0.9 * kept_s[0] < longest.time_s[-1] - longest.time_s[0]
-    assert longest.ticks.sum() >= 0.9e3 * kept_s[0]
-    assert report.counts["given_up"] == 0
+    # All that the loop did while the law sat on the lock came in one batch, wake by wake: it was not held up with it.
+    assert 0.8 * kept_s[0] < longest.time_s[-1] - longest.time_s[0]
+    assert 20 < len(longest.time_s) and np.diff(longest.time_s).max() < 0.5 * kept_s[0]
 
 
 def test_a_tool_that_somebody_holds_is_not_granted(client, session, url):

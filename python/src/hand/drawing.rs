@@ -5,11 +5,13 @@
 //! a force f:                       p = y_h + f / K
 //! ```
 //!
-//! `K` is the coupling's own spring, `y_h` the handle, where it will be when the place is played. Whatever is intended, `p` moves no faster than
-//! [`FASTEST_M_S`], so that nothing that a law says is a leap.
+//! `K` is the coupling's own spring, `y_h` the handle, where it will be when the place is played. Whatever is intended,
+//! `p` moves no faster than [`FASTEST_M_S`], so that nothing that a law says is a leap.
+
+use std::collections::VecDeque;
 
 use teleclay_impedance::GraspState;
-use teleclay_pointer::Pointer;
+use teleclay_pointer::{Pointer, View};
 
 use super::conversation::RATE_HZ;
 
@@ -17,6 +19,10 @@ use super::conversation::RATE_HZ;
 const FASTEST_M_S: f64 = 0.5;
 /// A coupling plays a device's places this much later, s: an interval at [`RATE_HZ`].
 const PLAYED_LATER_S: f64 = 1.0 / RATE_HZ;
+/// Places told that are remembered: more than are told while one is waiting to be played.
+const REMEMBERED: usize = 64;
+/// How fast what the grip is off by is made up for, m/s.
+const MADE_UP_M_S: f64 = 0.1;
 /// The handle counts as at rest below this, m/s: what it moves during a sample's play is then less than 20 µm.
 const AT_REST_M_S: f64 = 2e-3;
 /// A handle that does not come to rest is taken hold of all the same after this, s.
@@ -39,9 +45,13 @@ pub(super) enum Intent {
 /// The device that the law moves.
 pub(super) struct Drawing {
     intent: Intent,
-    /// Where the device is said to be, and since when, ns.
+    /// Where the hand shall draw the handle to, and since when, ns.
     place_m: [f64; 3],
     at_ns: u64,
+    /// What of that the grip does by itself: a handle that moved as it was taken hold of is drawn beside the device.
+    grip_m: [f64; 3],
+    /// Where the device was said to be, and when, ns; oldest first.
+    told: VecDeque<(u64, [f64; 3])>,
     waits_since_ns: Option<u64>,
     /// The third axis is a lift, which no force moves.
     has_lift: bool,
@@ -53,6 +63,8 @@ impl Drawing {
             intent: Intent::Off,
             place_m: [0.0; 3],
             at_ns: now_ns,
+            grip_m: [0.0; 3],
+            told: VecDeque::with_capacity(REMEMBERED),
             waits_since_ns: None,
             has_lift,
         }
@@ -67,6 +79,9 @@ impl Drawing {
         let since_s = now_ns.saturating_sub(self.at_ns) as f64 * 1e-9;
         self.at_ns = now_ns;
         let view = *pointer.view();
+        if view.grasp != GraspState::Held {
+            self.grip_m = [0.0; 3];
+        }
         if self.intent == Intent::Off {
             self.waits_since_ns = None;
             if view.grasp != GraspState::Released {
@@ -81,6 +96,9 @@ impl Drawing {
             });
             let wanted = self.wanted(handle, pointer.stiffness_n_per_m());
             self.place_m = towards(self.place_m, wanted, FASTEST_M_S * since_s);
+            if let Some(grip_m) = self.grip(&view) {
+                self.grip_m = towards(self.grip_m, grip_m, MADE_UP_M_S * since_s);
+            }
         } else {
             // The grip is closed with the device at the handle, so that places are the handle's own.
             let velocity_m_s = pointer.side().frame().velocity_m_s;
@@ -91,7 +109,24 @@ impl Drawing {
                 pointer.hold();
             }
         }
-        pointer.handle_sample(now_ns, now_ns, self.place_m);
+        let told_m = std::array::from_fn(|axis| self.place_m[axis] - self.grip_m[axis]);
+        if self.told.len() == REMEMBERED {
+            self.told.pop_front();
+        }
+        self.told.push_back((now_ns, told_m));
+        pointer.handle_sample(now_ns, now_ns, told_m);
+    }
+
+    /// Where the handle is drawn to, less the place that is being played: constant while the handle is held.
+    fn grip(&self, view: &View) -> Option<[f64; 3]> {
+        let played_ns = view.at_ns.checked_sub((PLAYED_LATER_S * 1e9) as u64)?;
+        let after = self.told.iter().position(|(at_ns, _)| played_ns < *at_ns)?;
+        let (from_ns, from_m) = *self.told.get(after.checked_sub(1)?)?;
+        let (to_ns, to_m) = *self.told.get(after)?;
+        let share = (played_ns - from_ns) as f64 / (to_ns - from_ns) as f64;
+        Some(std::array::from_fn(|axis| {
+            view.hand_m[axis] - (from_m[axis] + share * (to_m[axis] - from_m[axis]))
+        }))
     }
 
     fn wanted(&self, handle: [f64; 3], stiffest_n_per_m: f64) -> [f64; 3] {
