@@ -33,7 +33,8 @@ What you answer is kept under a number, not under your name.
 /// What was typed.
 enum Typed {
     Text(String),
-    Stop,
+    /// The word that ends the run, and whether the session has stopped on it.
+    Stop(Result<()>),
     Nothing,
 }
 
@@ -74,9 +75,7 @@ impl Desk<'_> {
                 Answered::With(answer, response_s) => {
                     answers.keep(run.answer(answer, response_s)?)?;
                 }
-                Answered::Stop => {
-                    // First the hand, then the paper.
-                    let stopped = self.session.stop();
+                Answered::Stop(stopped) => {
                     answers.withdraw()?;
                     stopped?;
                     return Ok(Ending::Withdrawn);
@@ -96,13 +95,17 @@ impl Desk<'_> {
             None
         };
         let shown = self.intervals(study, trial);
-        if let Some(id) = recording {
-            self.session.end_recording(&id)?;
-        }
+        let ended = recording.map_or(Ok(()), |id| self.session.end_recording(&id));
         match shown? {
-            Typed::Text(_) => self.ask(study, trial.task),
-            Typed::Stop => Ok(Answered::Stop),
-            Typed::Nothing => Ok(Answered::Nothing),
+            Typed::Stop(stopped) => Ok(Answered::Stop(stopped.and(ended))),
+            Typed::Text(_) => {
+                ended?;
+                self.ask(study, trial.task)
+            }
+            Typed::Nothing => {
+                ended?;
+                Ok(Answered::Nothing)
+            }
         }
     }
 
@@ -133,7 +136,7 @@ impl Desk<'_> {
             write!(self.output, "{} > ", task.wanted())?;
             let text = match self.typed()? {
                 Typed::Text(text) => text,
-                Typed::Stop => return Ok(Answered::Stop),
+                Typed::Stop(stopped) => return Ok(Answered::Stop(stopped)),
                 Typed::Nothing => return Ok(Answered::Nothing),
             };
             match task.read(&text) {
@@ -151,7 +154,8 @@ impl Desk<'_> {
         }
         let text = text.trim().to_owned();
         if text.eq_ignore_ascii_case(STOP) {
-            return Ok(Typed::Stop);
+            // The hand before anything else.
+            return Ok(Typed::Stop(self.session.stop()));
         }
         Ok(Typed::Text(text))
     }
@@ -159,6 +163,6 @@ impl Desk<'_> {
 
 enum Answered {
     With(Answer, f64),
-    Stop,
+    Stop(Result<()>),
     Nothing,
 }

@@ -157,6 +157,15 @@ fn whoever_types_stop_is_let_go_of_at_once_and_for_good() {
         assert_eq!((ending.unwrap(), answered), (Ending::Withdrawn, 1));
         assert_eq!((session.count("stop"), session.count("restore")), (1, 1));
         assert_eq!(session.count("record"), session.count("end"));
+        if number < 2 {
+            // Nothing is asked of the server between the word and the stop.
+            let told = session.told.borrow();
+            let last: Vec<&str> = told[told.len() - 3..]
+                .iter()
+                .map(|told| &told[..4])
+                .collect();
+            assert_eq!(last, ["stop", "end ", "rest"]);
+        }
         let study = Study::from_json(STUDY).unwrap();
         let refused = Answers::open(&folder, &study, 2).map(|_| ()).unwrap_err();
         assert!(
