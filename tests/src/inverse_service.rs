@@ -22,8 +22,11 @@ const DAMPING_N_S_PER_M: f64 = 12.0;
 const STEP_S: f64 = 1e-3;
 /// The arm is at rest there, m.
 const HOME_M: [f64; 3] = [0.0, -0.12, 0.16];
-/// The button goes down after so long, s; then the hand goes down into the clay, and from side to side.
+/// The button goes down after so long, s, and every few seconds up for a moment: whoever was let go of takes hold anew.
 const BUTTON_S: f64 = 0.5;
+const GRIP_S: f64 = 3.0;
+const PAUSE_S: f64 = 0.3;
+/// Then the hand goes down into the clay, and from side to side.
 const DOWN_S: f64 = 1.0;
 const DEPTH_M: f64 = 0.014;
 const SIDE_M: f64 = 0.03;
@@ -323,7 +326,9 @@ impl Arm {
     }
 
     fn grip(&self) -> Value {
-        json!([{ "device_id": "61548", "state": { "button": BUTTON_S < self.now_s, "hall": 0 } }])
+        let held_s = self.now_s - BUTTON_S;
+        let is_down = 0.0 < held_s && held_s % (GRIP_S + PAUSE_S) < GRIP_S;
+        json!([{ "device_id": "61548", "state": { "button": is_down, "hall": 0 } }])
     }
 
     fn inventory(&self, version: Version) -> Value {

@@ -18,7 +18,7 @@ use tokio::sync::watch;
 use zenoh::Session;
 use zenoh::Wait;
 
-use super::listening::Sessions;
+use super::sessions::Sessions;
 use crate::directory::{Directory, Live};
 use crate::doors::{LeaseChannel, Way};
 use crate::engine::{FramesIn, Incoming, Outgoing, TOOLS};

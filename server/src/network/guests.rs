@@ -14,7 +14,7 @@ use zenoh::Session;
 use zenoh::qos::{CongestionControl, Priority};
 
 use super::json;
-use super::listening::Sessions;
+use super::sessions::Sessions;
 use crate::directory::Directory;
 use crate::session::{Departure, tool_id};
 

@@ -11,11 +11,11 @@ use teleclay_shell::endpoint::Endpoint;
 use teleclay_shell::network::{Endpoints, NetworkError, Permissions, Rule, open};
 use tokio::sync::watch;
 use tokio::time::{interval, sleep, timeout};
-use zenoh::Session;
 
 use super::frames::receive_frames;
 use super::publish::{publish_bricks, publish_state, show_sessions};
 use super::queries::{Line, answer_queries};
+use super::sessions::Sessions;
 use super::{guests, rules};
 use crate::directory::Directory;
 use crate::doors::Way;
@@ -28,23 +28,6 @@ const AT_THE_LATEST: Duration = Duration::from_secs(3600);
 const LOOK_EVERY: Duration = Duration::from_secs(1);
 /// A port is free again once the last of those who were on it is gone; it is tried again this often.
 const TRY_EVERY: Duration = Duration::from_millis(50);
-
-/// The sessions of the moment.
-#[derive(Clone)]
-pub(super) struct Sessions {
-    pub(super) control: Session,
-    pub(super) slow: Session,
-}
-
-impl Sessions {
-    pub(super) async fn close(&self) {
-        for session in [&self.control, &self.slow] {
-            if let Err(error) = session.close().await {
-                tracing::warn!(%error, "a zenoh session did not close cleanly");
-            }
-        }
-    }
-}
 
 /// Where is listened.
 #[derive(Clone)]

@@ -7,6 +7,7 @@
 //! | `listening` | both sessions, and others in their place when another certificate is shown |
 //! | `queries` | what is asked |
 //! | `publish` | what is told without being asked, where everybody may know it |
+//! | `sessions` | the two that are open at the moment |
 //! | `rules` | what Zenoh itself lets others do |
 
 mod frames;
@@ -15,6 +16,7 @@ mod listening;
 mod publish;
 mod queries;
 mod rules;
+mod sessions;
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
