@@ -1,5 +1,5 @@
-//! The recordings of a server: for each that runs a thread and a file, and for each that there is a slip beside the file
-//! that says what came of it.
+//! The recordings of a server: for each that runs a thread and a file, and for each that there is a slip beside the
+//! file that says what came of it.
 
 use std::collections::BTreeMap;
 use std::fs::{self, File};

@@ -1,8 +1,8 @@
 //! The tick's end of a recording. It never waits, and touches no heap after it was made.
 //!
-//! A recording begins with the session's state, clay included, and no tick has the time to copy a block. So bricks leave
-//! a few in each tick while the session goes on, and with them every cut that is made meanwhile. Cuts have no order: the
-//! bricks, each as it was at some moment, and all cuts since the first of them are the clay at the last.
+//! A recording begins with the session's state, clay included, and no tick has the time to copy a block. So bricks
+//! leave a few in each tick while the session goes on, and with them every cut that is made meanwhile. Cuts have no
+//! order: the bricks, each as it was at some moment, and all cuts since the first of them are the clay at the last.
 
 use rtrb::chunks::ChunkError;
 use rtrb::{Consumer, Producer, RingBuffer};
