@@ -297,7 +297,7 @@ impl Feed {
             return false;
         };
         let mut length = [0; 4];
-        for (byte, from) in length.iter_mut().zip(head.into_iter()) {
+        for (byte, from) in length.iter_mut().zip(head) {
             *byte = from;
         }
         let length = u32::from_le_bytes(length) as usize;
