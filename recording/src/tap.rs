@@ -64,13 +64,20 @@ impl Tap {
     /// For a session of so many tools, which are shown every `shown_every` ticks.
     #[must_use]
     pub fn new(tools: usize, shown_every: u64) -> (Self, Feed) {
-        let (ring, consumer) = RingBuffer::new(RING_BYTES);
+        let (mut ring, mut consumer) = RingBuffer::new(RING_BYTES);
+        // Once through, so that no tick is the first to touch a page.
+        if let Ok(chunk) = ring.write_chunk(RING_BYTES) {
+            chunk.commit_all();
+        }
+        if let Ok(chunk) = consumer.read_chunk(RING_BYTES) {
+            chunk.commit_all();
+        }
         let tap = Self {
             ring,
             recorder: Recorder::new(tools),
             strokes: Strokes::new(tools),
-            parcel: Vec::with_capacity(PARCEL_BYTES),
-            frames: Vec::with_capacity(PARCEL_BYTES),
+            parcel: touched(PARCEL_BYTES),
+            frames: touched(PARCEL_BYTES),
             frame_count: 0,
             frames_are_lost: false,
             buffer: Box::new([0; MAX_FRAME]),
@@ -274,6 +281,13 @@ impl Tap {
             Err(ChunkError::TooFewSlots(_)) => false,
         }
     }
+}
+
+/// Room that has its pages already.
+fn touched(bytes: usize) -> Vec<u8> {
+    let mut room = vec![1; bytes];
+    room.clear();
+    room
 }
 
 fn put_record(out: &mut Vec<u8>, record: &[u8]) {
