@@ -3,7 +3,7 @@
 use teleclay_clay::{BRICK_VOXELS, BrickView, Clay, Grid};
 use teleclay_history::{Replay, State, content};
 
-use crate::scribe::WriteError;
+use crate::error::WriteError;
 use crate::tick::Parcel;
 
 /// A state on its way: all but the clay at one tick, bricks as they were at that tick or later, and every record since.

@@ -19,10 +19,12 @@ pub mod shelf;
 pub mod tap;
 
 mod base;
+mod error;
 mod messages;
 mod tick;
 
+pub use error::WriteError;
 pub use read::{Recorded, Step};
-pub use scribe::{About, Scribe, WriteError};
+pub use scribe::{About, Scribe};
 pub use shelf::{Shelf, ShelfError};
 pub use tap::{Feed, Tap};

@@ -17,6 +17,7 @@ use teleclay_ros::{Message, definition, names, own, to_cdr};
 use teleclay_session::{Event, EventKind, Settings, Snapshot, in_words};
 
 use crate::base::{Coming, state_after};
+use crate::error::WriteError;
 use crate::messages::{Frames, TOPICS};
 use crate::tap::Feed;
 use crate::tick::{BASE, BRICK, END, Parcel, Seen, TICK, Tick, WHOLE};
@@ -36,17 +37,6 @@ pub(crate) const FULL: &str = "full";
 const READY: &str = "ready";
 /// Of the metadata record at a file's end.
 pub(crate) const METADATA: &str = "teleclay.recording";
-
-/// Why a recording cannot go on.
-#[derive(Debug, thiserror::Error)]
-pub enum WriteError {
-    /// The file.
-    #[error(transparent)]
-    File(#[from] McapError),
-    /// What came from the tick does not fit together.
-    #[error("what came from the tick does not fit together: {0}")]
-    Broken(String),
-}
 
 /// What a recording is of.
 #[derive(Clone, Debug)]

@@ -1,5 +1,5 @@
-//! The recordings of a server: for each that runs a thread and a file, and for each that there is a slip beside the file
-//! that says what came of it.
+//! The recordings of a server: for each that runs a thread and a file, and for each that there is a slip beside the
+//! file that says what came of it.
 
 use std::collections::BTreeMap;
 use std::fs::{self, File};
@@ -13,7 +13,8 @@ use std::time::{Duration, Instant};
 use teleclay_proto::SessionId;
 use teleclay_proto::http::{Recording, RecordingState};
 
-use crate::scribe::{About, Scribe, WriteError};
+use crate::error::WriteError;
+use crate::scribe::{About, Scribe};
 use crate::tap::Feed;
 
 /// Bytes of one recording at most: two tools at every tick make a gigabyte in about a quarter of an hour.
@@ -480,7 +481,7 @@ fn free_bytes(file: &File) -> Option<u64> {
         }
         room.assume_init()
     };
-    Some(u64::from(room.f_bavail) * room.f_frsize)
+    Some(room.f_bavail * room.f_frsize)
 }
 
 fn sync_folder(folder: &Path) -> io::Result<()> {

@@ -1,8 +1,8 @@
 //! The tick's end of a recording. It never waits, and touches no heap after it was made.
 //!
-//! A recording begins with the session's state, clay included, and no tick has the time to copy a block. So bricks leave
-//! a few in each tick while the session goes on, and with them every cut that is made meanwhile. Cuts have no order: the
-//! bricks, each as it was at some moment, and all cuts since the first of them are the clay at the last.
+//! A recording begins with the session's state, clay included, and no tick has the time to copy a block. So bricks
+//! leave a few in each tick while the session goes on, and with them every cut that is made meanwhile. Cuts have no
+//! order: the bricks, each as it was at some moment, and all cuts since the first of them are the clay at the last.
 
 use rtrb::chunks::ChunkError;
 use rtrb::{Consumer, Producer, RingBuffer};
@@ -64,13 +64,20 @@ impl Tap {
     /// For a session of so many tools, which are shown every `shown_every` ticks.
     #[must_use]
     pub fn new(tools: usize, shown_every: u64) -> (Self, Feed) {
-        let (ring, consumer) = RingBuffer::new(RING_BYTES);
+        let (mut ring, mut consumer) = RingBuffer::new(RING_BYTES);
+        // Once through, so that no tick is the first to touch a page.
+        if let Ok(chunk) = ring.write_chunk(RING_BYTES) {
+            chunk.commit_all();
+        }
+        if let Ok(chunk) = consumer.read_chunk(RING_BYTES) {
+            chunk.commit_all();
+        }
         let tap = Self {
             ring,
             recorder: Recorder::new(tools),
             strokes: Strokes::new(tools),
-            parcel: Vec::with_capacity(PARCEL_BYTES),
-            frames: Vec::with_capacity(PARCEL_BYTES),
+            parcel: touched(PARCEL_BYTES),
+            frames: touched(PARCEL_BYTES),
             frame_count: 0,
             frames_are_lost: false,
             buffer: Box::new([0; MAX_FRAME]),
@@ -276,6 +283,13 @@ impl Tap {
     }
 }
 
+/// Room that has its pages already.
+fn touched(bytes: usize) -> Vec<u8> {
+    let mut room = vec![1; bytes];
+    room.clear();
+    room
+}
+
 fn put_record(out: &mut Vec<u8>, record: &[u8]) {
     out.extend_from_slice(&(record.len() as u32).to_le_bytes());
     out.extend_from_slice(record);
@@ -297,7 +311,7 @@ impl Feed {
             return false;
         };
         let mut length = [0; 4];
-        for (byte, from) in length.iter_mut().zip(head.into_iter()) {
+        for (byte, from) in length.iter_mut().zip(head) {
             *byte = from;
         }
         let length = u32::from_le_bytes(length) as usize;

@@ -1,9 +1,10 @@
 //! The tool side of a session once more: what a recording tells happens again, tick by tick, through the same loop.
 //!
 //! Who holds a tool and when is told by the session's events; no rule decides it anew. A tool that was taken within the
-//! recording is *driven*: its frames go through its tool side, and it must cut what it cut. A tool that was held already
-//! when the recording began, or before a gap in it, is *followed*: nobody knows what its controllers remembered, so it
-//! cuts what the history says. What the line to each tool did is in the recording: its frames are those that came out.
+//! recording is *driven*: its frames go through its tool side, and it must cut what it cut. A tool that was held
+//! already when the recording began, or before a gap in it, is *followed*: nobody knows what its controllers
+//! remembered, so it cuts what the history says. What the line to each tool did is in the recording: its frames are
+//! those that came out.
 
 use std::sync::Arc;
 

@@ -1,9 +1,9 @@
 //! The recorded hand in another loop: what would it have felt?
 //!
 //! A simulated person goes the recorded hand's way with its force, on the paper's handle, from the clay with which the
-//! recording began. Where the other loop answers otherwise, the hand is pulled off its way and the person pulls it back,
-//! as people do; so this is an estimate, and no more than that. What the network did in the recording is over: the line
-//! is the one that the session was told to have, or the one that is asked for.
+//! recording began. Where the other loop answers otherwise, the hand is pulled off its way and the person pulls it
+//! back, as people do; so this is an estimate, and no more than that. What the network did in the recording is over:
+//! the line is the one that the session was told to have, or the one that is asked for.
 
 use std::collections::BTreeMap;
 use std::time::Duration;

@@ -26,8 +26,8 @@ fn driven_cuts(verdict: &Verdict) -> u64 {
     driven.map(|held| held.cuts).sum()
 }
 
-/// Under every scheme, over a clean line and over a bad one: tools that joined within the recording cut through the loop
-/// what they cut, and those that were held before cut by the history.
+/// Under every scheme, over a clean line and over a bad one: tools that joined within the recording cut through the
+/// loop what they cut, and those that were held before cut by the history.
 #[test]
 fn every_scheme_comes_out() {
     for scheme in SCHEMES {

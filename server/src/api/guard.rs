@@ -184,11 +184,10 @@ fn is_manners(path: &str) -> bool {
 /// Whether a path begins or ends a recording: as operators may who move what is recorded. To delete one is an admin's.
 fn is_recording(path: &str) -> bool {
     let mut parts = path.trim_start_matches("/api/v1/").split('/').skip(2);
-    match (parts.next(), parts.next(), parts.next(), parts.next()) {
-        (Some("recordings"), None, None, None) => true,
-        (Some("recordings"), Some(_), Some("stop"), None) => true,
-        _ => false,
-    }
+    matches!(
+        (parts.next(), parts.next(), parts.next(), parts.next()),
+        (Some("recordings"), None, None, None) | (Some("recordings"), Some(_), Some("stop"), None)
+    )
 }
 
 /// Whether a pass is one of this role, or of a further one.

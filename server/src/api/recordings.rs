@@ -239,10 +239,12 @@ impl Sent {
             loop {
                 let mut part = Vec::with_capacity(PART);
                 let read = file.by_ref().take(PART as u64).read_to_end(&mut part);
-                let is_last = !matches!(read, Ok(1..));
-                let part = read.map(|_| Bytes::from(part));
-                // Nobody reads any more, or there is nothing more.
-                if is_last && part.is_ok() || parts.blocking_send(part).is_err() || is_last {
+                if matches!(read, Ok(0)) {
+                    return;
+                }
+                let (is_broken, part) = (read.is_err(), read.map(|_| Bytes::from(part)));
+                // Nobody reads any more, or nothing more can be read.
+                if parts.blocking_send(part).is_err() || is_broken {
                     return;
                 }
             }
