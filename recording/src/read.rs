@@ -19,7 +19,7 @@ pub enum ReadError {
     Message {
         /// Its topic.
         topic: String,
-        /// Why.
+        /// What is wrong with its bytes.
         error: CdrError,
     },
 }
@@ -97,7 +97,7 @@ impl<'a> Recorded<'a> {
     }
 
     fn step(&mut self) -> Result<Option<Step>, ReadError> {
-        while let Some(message) = self.messages.next() {
+        for message in self.messages.by_ref() {
             let message = match message {
                 Ok(message) => message,
                 Err(error) if is_end(&error) => {

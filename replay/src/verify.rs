@@ -106,9 +106,9 @@ pub struct Held {
     pub operator: String,
     /// How it came to its cuts.
     pub how: How,
-    /// Ticks.
+    /// Ticks in which it was held.
     pub ticks: u64,
-    /// Cuts.
+    /// Cuts that it made.
     pub cuts: u64,
 }
 

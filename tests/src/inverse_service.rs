@@ -44,7 +44,7 @@ pub enum Version {
 /// What happens to the device, or to the service.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Trouble {
-    /// Nothing.
+    /// All is well.
     #[default]
     None,
     /// One answer is late by so much.

@@ -25,6 +25,7 @@ mod changes;
 mod clay;
 mod engage;
 mod field;
+mod fresh;
 pub mod golden;
 mod grid;
 mod hash;

@@ -61,7 +61,7 @@ fn a_stop_finds_a_place_where_every_connection_is_taken() {
         crowded.begin(&connection, &slow);
         held.push(connection);
         // Those whose request has not been read yet would have to go for the next.
-        if held.len() % 16 == 0 {
+        if held.len().is_multiple_of(16) {
             crowded.get("/healthz");
         }
     }

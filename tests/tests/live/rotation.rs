@@ -10,6 +10,7 @@ use teleclay_doors::Authority;
 use teleclay_proto::{NodeName, RealmName};
 use teleclay_server::doors::certificates::Source;
 use teleclay_server::settings::Settings;
+use teleclay_shell::log::LogFormat;
 use teleclay_shell::ticker::Scheduling;
 use teleclay_tests::client::Client;
 use teleclay_tests::process::{PATIENCE, program};
@@ -40,6 +41,8 @@ fn settings(data: PathBuf, ports: Ports) -> Settings {
         allow_origins: Vec::new(),
         scheduling: Scheduling::Normal,
         spin: Duration::ZERO,
+        ros2: None,
+        log_format: LogFormat::Text,
     }
 }
 

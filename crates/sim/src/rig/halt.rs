@@ -1,6 +1,10 @@
 //! Programs that do not run for a while.
 
+use std::time::Duration;
+
 use teleclay_link::time::Timestamp;
+
+use super::Rig;
 
 /// How an end of the loop stands still.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -26,5 +30,20 @@ pub(super) fn noticed_since(halt: &mut Option<Halted>) -> Timestamp {
             until,
         }) => until,
         _ => Timestamp::ZERO,
+    }
+}
+
+impl Rig {
+    /// The program of the first handle stands still for `span`. The device goes on at the last command, the hand feels
+    /// the last force.
+    pub fn halt_handle(&mut self, how: Halt, span: Duration) {
+        let until = self.now.after(span);
+        self.hands[0].halt = Some(Halted { how, until });
+    }
+
+    /// The session's program stands still for `span`.
+    pub fn halt_session(&mut self, how: Halt, span: Duration) {
+        let until = self.now.after(span);
+        self.halt = Some(Halted { how, until });
     }
 }

@@ -361,19 +361,6 @@ impl Rig {
         self.hands[0].held = Some(sample);
     }
 
-    /// The program of the first handle stands still for `span`. The device goes on at the last command, the hand feels
-    /// the last force.
-    pub fn halt_handle(&mut self, how: Halt, span: Duration) {
-        let until = self.now.after(span);
-        self.hands[0].halt = Some(Halted { how, until });
-    }
-
-    /// The session's program stands still for `span`.
-    pub fn halt_session(&mut self, how: Halt, span: Duration) {
-        let until = self.now.after(span);
-        self.halt = Some(Halted { how, until });
-    }
-
     /// Beyond the lines, each direction stalls once, whatever they do; what is held back has room.
     pub fn stall(&mut self, up: Option<Stall>, down: Option<Stall>) {
         let stalling = |stall| Impairment {

@@ -52,7 +52,7 @@ mod tests {
     #[test]
     fn ten_seconds_are_worth_ten_seconds_messages() {
         for (make, per_s) in [
-            (Pace::of_a_hand as fn(Instant) -> Pace, 2000),
+            (Pace::of_a_hand as fn(Instant) -> Pace, 2000_usize),
             (Pace::of_a_watcher, 100),
         ] {
             let began = Instant::now();
