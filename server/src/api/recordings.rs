@@ -73,7 +73,7 @@ fn failure(error: RecordingFailure, id: &SessionId) -> Failure {
 ///
 /// Those of a server that was killed are told as interrupted: their files have all but the last second.
 #[utoipa::path(
-    get, path = "/sessions/{id}/recordings", tag = "recordings",
+    get, path = "/sessions/{id}/recordings", operation_id = "list_recordings", tag = "recordings",
     params(("id" = String, Path, description = "The session's name")),
     responses((status = 200, description = "The recordings, by name", body = Vec<Recording>), ListRefusals),
 )]
@@ -88,7 +88,7 @@ async fn list(Found { id, live }: Found) -> Result<Json<Vec<Recording>>, Failure
 /// and the clay, as an MCAP file with the profile `ros2`. The loop never waits for it: a tick that finds no room on its
 /// way is counted as dropped. A session has one recording at a time.
 #[utoipa::path(
-    post, path = "/sessions/{id}/recordings", tag = "recordings",
+    post, path = "/sessions/{id}/recordings", operation_id = "start_recording", tag = "recordings",
     params(("id" = String, Path, description = "The session's name")),
     request_body = NewRecording,
     responses(
@@ -119,7 +119,7 @@ async fn start(
 ///
 /// Its file is whole once the answer has come. A recording that has ended stays as it is.
 #[utoipa::path(
-    post, path = "/sessions/{id}/recordings/{recording}/stop", tag = "recordings",
+    post, path = "/sessions/{id}/recordings/{recording}/stop", operation_id = "stop_recording", tag = "recordings",
     params(
         ("id" = String, Path, description = "The session's name"),
         ("recording" = String, Path, description = "The recording's name"),
@@ -138,7 +138,7 @@ async fn stop(Found { id, live }: Found, name: Name) -> Result<Json<Recording>, 
 ///
 /// One that goes on has what was written so far, and ordinary readers open that as well.
 #[utoipa::path(
-    get, path = "/sessions/{id}/recordings/{recording}", tag = "recordings",
+    get, path = "/sessions/{id}/recordings/{recording}", operation_id = "recording_file", tag = "recordings",
     params(
         ("id" = String, Path, description = "The session's name"),
         ("recording" = String, Path, description = "The recording's name, and `.mcap`"),
@@ -176,7 +176,7 @@ async fn download(
 ///
 /// One that goes on is ended before.
 #[utoipa::path(
-    delete, path = "/sessions/{id}/recordings/{recording}", tag = "recordings",
+    delete, path = "/sessions/{id}/recordings/{recording}", operation_id = "delete_recording", tag = "recordings",
     params(
         ("id" = String, Path, description = "The session's name"),
         ("recording" = String, Path, description = "The recording's name"),
