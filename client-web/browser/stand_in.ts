@@ -122,6 +122,7 @@ export class StandIn {
   #ask(call: string, { operator, reason }: v.InferOutput<typeof bodySchema>): [number, unknown] {
     switch (call) {
       case "GET /sessions": return [200, [this.session]];
+      case "GET /sessions/demo/recordings": return [200, []];
       case "GET /sessions/demo/history": return [200, { strokes: [], from_s: 0, to_s: 0 }];
       case "POST /sessions/demo/stop":
         this.change({ state: "stopped", stop: { by: "the token's bearer", reason } });

@@ -10,22 +10,38 @@ const NS_PER_S: f64 = 1e9;
 /// Stamps of one session.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Stamps {
-    /// Time of day less the session's own, ns, once there was news.
-    offset_ns: Option<i128>,
+    laid: Option<Laid>,
+}
+
+/// Two clocks over one another.
+#[derive(Clone, Copy, Debug)]
+struct Laid {
+    /// Time of day less the session's own, ns, as the fastest news had it.
+    offset_ns: i128,
+    /// The last stamp, ns: faster news than any before must not turn time back.
+    last_ns: i128,
 }
 
 impl Stamps {
-    /// The time of day at the session's `time_s`, of which news came at `now_ns` since 1970.
+    /// The time of day at the session's `time_s`, of which news came at `now_ns` since 1970. Never before the stamp
+    /// that was given last, but where a clock was set.
     pub(crate) fn stamp(&mut self, time_s: f64, now_ns: u64) -> Time {
         let own_ns = (time_s * NS_PER_S).round() as i128;
         let seen_ns = i128::from(now_ns) - own_ns;
-        let offset_ns = match self.offset_ns {
-            Some(best_ns) if seen_ns < best_ns || best_ns + APART_NS < seen_ns => seen_ns,
-            Some(best_ns) => best_ns,
-            None => seen_ns,
+        let anew = Laid {
+            offset_ns: seen_ns,
+            last_ns: own_ns + seen_ns,
         };
-        self.offset_ns = Some(offset_ns);
-        Time::from_ns(u64::try_from(own_ns + offset_ns).unwrap_or(0))
+        let laid = match self.laid {
+            Some(laid) if (seen_ns - laid.offset_ns).abs() <= APART_NS => {
+                let offset_ns = laid.offset_ns.min(seen_ns);
+                let last_ns = laid.last_ns.max(own_ns + offset_ns);
+                Laid { offset_ns, last_ns }
+            }
+            _ => anew,
+        };
+        self.laid = Some(laid);
+        Time::from_ns(u64::try_from(laid.last_ns).unwrap_or(0))
     }
 }
 
@@ -49,6 +65,7 @@ mod tests {
                 ns(stamps.stamp(tick as f64 * 0.004, DAY_NS + tick * 4_000_000 + late_ns))
             })
             .collect();
+        assert!(stamped.is_sorted(), "faster news turn no time back");
         for pair in stamped[5..].windows(2) {
             assert_eq!(pair[1] - pair[0], 4_000_000);
         }

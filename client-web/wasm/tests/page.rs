@@ -148,11 +148,11 @@ fn what_is_no_message_is_refused_with_a_reason_and_changes_nothing() {
     let short = &message(BricksKind::Keyframe, [2, 1, 1], &all_full(2))[..40];
     assert_eq!(take_in(&mut page, short), REFUSED);
     assert_eq!(page.refusal(), "message has 40 bytes, its layout needs 41");
-    let large = message(BricksKind::Keyframe, [33, 1, 1], &[]);
+    let large = message(BricksKind::Keyframe, [65, 1, 1], &[]);
     assert_eq!(take_in(&mut page, &large), REFUSED);
     assert_eq!(
         page.refusal(),
-        "33 bricks along axis 0, a grid has at most 32"
+        "65 bricks along axis 0, a grid has at most 64"
     );
     assert_eq!(page.length(Buffer::Refusal), page.refusal().len());
     assert_eq!(described(&mut page), before);
