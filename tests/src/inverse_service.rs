@@ -183,16 +183,12 @@ fn serve(
     simulation.send(Message::text(arm.inventory(version).to_string()))?;
     let began = Instant::now();
     let mut heard_s = None;
-    loop {
+    // A client that goes on asking keeps nobody from ending it.
+    while !locked(common).ends {
         let text = match simulation.read() {
             Ok(Message::Text(text)) => text,
             Ok(_) => continue,
-            Err(tungstenite::Error::Io(error)) if is_patience(&error) => {
-                if locked(common).ends {
-                    return Ok(());
-                }
-                continue;
-            }
+            Err(tungstenite::Error::Io(error)) if is_patience(&error) => continue,
             // The client has gone.
             Err(_) => return Ok(()),
         };
@@ -226,6 +222,7 @@ fn serve(
             return Ok(());
         }
     }
+    Ok(())
 }
 
 const DEVICE: &str = "049D";

@@ -45,7 +45,12 @@ pub struct StopRequest {
         deserialize_with = "crate::validate::present",
         skip_serializing_if = "Option::is_none"
     )]
-    #[schema(min_length = 1, max_length = 64, nullable = false)]
+    #[schema(
+        min_length = 1,
+        max_length = 64,
+        pattern = "^[^ ]+( [^ ]+)*$",
+        nullable = false
+    )]
     pub operator: Option<String>,
     /// Why, for people; 1 to 128 characters.
     #[serde(default = "no_reason")]
@@ -63,7 +68,12 @@ pub struct StopClearing {
         deserialize_with = "crate::validate::present",
         skip_serializing_if = "Option::is_none"
     )]
-    #[schema(min_length = 1, max_length = 64, nullable = false)]
+    #[schema(
+        min_length = 1,
+        max_length = 64,
+        pattern = "^[^ ]+( [^ ]+)*$",
+        nullable = false
+    )]
     pub operator: Option<String>,
 }
 
@@ -72,7 +82,7 @@ pub struct StopClearing {
 #[serde(deny_unknown_fields)]
 pub struct ControlRequest {
     /// Who wants the tool; 1 to 64 characters.
-    #[schema(min_length = 1, max_length = 64)]
+    #[schema(min_length = 1, max_length = 64, pattern = "^[^ ]+( [^ ]+)*$")]
     pub operator: String,
 }
 
@@ -81,7 +91,7 @@ pub struct ControlRequest {
 #[serde(deny_unknown_fields)]
 pub struct Denial {
     /// Who wanted the tool; 1 to 64 characters.
-    #[schema(min_length = 1, max_length = 64)]
+    #[schema(min_length = 1, max_length = 64, pattern = "^[^ ]+( [^ ]+)*$")]
     pub operator: String,
     /// Why not, for people; 1 to 128 characters.
     #[serde(default = "no_reason")]

@@ -115,7 +115,7 @@ words! {
 #[serde(deny_unknown_fields)]
 pub struct HandDevice {
     /// What it is, for people to read; 1 to 64 characters.
-    #[schema(min_length = 1, max_length = 64)]
+    #[schema(min_length = 1, max_length = 64, pattern = "^[^ ]+( [^ ]+)*$")]
     pub name: String,
     /// How many axes it moves in.
     pub axes: Axes,
@@ -167,7 +167,7 @@ pub enum ClientText {
     /// Asks for a tool. A lease that this socket has ends first.
     Join {
         /// Who holds the handle, for people to read; 1 to 64 characters.
-        #[schema(min_length = 1, max_length = 64)]
+        #[schema(min_length = 1, max_length = 64, pattern = "^[^ ]+( [^ ]+)*$")]
         operator: String,
         /// What the handle is.
         device: HandDevice,
@@ -192,7 +192,7 @@ pub enum ClientText {
         #[schema(minimum = 1, maximum = 8)]
         tool: u32,
         /// Who wants it.
-        #[schema(min_length = 1, max_length = 64)]
+        #[schema(min_length = 1, max_length = 64, pattern = "^[^ ]+( [^ ]+)*$")]
         operator: String,
     },
     /// As `POST /sessions/{id}/tools/{tool}/withdraw`.
@@ -201,7 +201,7 @@ pub enum ClientText {
         #[schema(minimum = 1, maximum = 8)]
         tool: u32,
         /// Who had asked for it.
-        #[schema(min_length = 1, max_length = 64)]
+        #[schema(min_length = 1, max_length = 64, pattern = "^[^ ]+( [^ ]+)*$")]
         operator: String,
     },
     /// As `POST /sessions/{id}/tools/{tool}/grant`.
@@ -210,7 +210,7 @@ pub enum ClientText {
         #[schema(minimum = 1, maximum = 8)]
         tool: u32,
         /// Who has asked for it.
-        #[schema(min_length = 1, max_length = 64)]
+        #[schema(min_length = 1, max_length = 64, pattern = "^[^ ]+( [^ ]+)*$")]
         operator: String,
     },
     /// As `POST /sessions/{id}/tools/{tool}/deny`.
@@ -219,7 +219,7 @@ pub enum ClientText {
         #[schema(minimum = 1, maximum = 8)]
         tool: u32,
         /// Who has asked for it.
-        #[schema(min_length = 1, max_length = 64)]
+        #[schema(min_length = 1, max_length = 64, pattern = "^[^ ]+( [^ ]+)*$")]
         operator: String,
         /// Why not, for people.
         #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -247,7 +247,12 @@ pub enum ClientText {
     ClearStop {
         /// Who clears it, for people.
         #[serde(default, skip_serializing_if = "Option::is_none")]
-        #[schema(min_length = 1, max_length = 64, nullable = false)]
+        #[schema(
+            min_length = 1,
+            max_length = 64,
+            pattern = "^[^ ]+( [^ ]+)*$",
+            nullable = false
+        )]
         operator: Option<String>,
     },
 }
