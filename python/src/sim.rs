@@ -6,6 +6,7 @@ use std::time::Duration;
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use teleclay_latency::cell::{Cell, Extent, Profile, cells};
+use teleclay_latency::law::Law;
 use teleclay_latency::table::Row;
 use teleclay_latency::{run, task};
 use teleclay_link::conditioner::Impairment;
@@ -240,7 +241,7 @@ pub(crate) fn latency_cells(extent: &str) -> PyResult<Vec<(u32, f64, f64, &'stat
     };
     let of_one = cells(extent)
         .into_iter()
-        .filter(|cell| cell.scheme == Scheme::Replica);
+        .filter(|cell| cell.scheme == Law::Of(Scheme::Replica));
     Ok(of_one
         .map(|cell| {
             (
@@ -291,7 +292,7 @@ pub(crate) fn latency_cell(
             .ok_or_else(|| refused(format!("there is no scheme {scheme:?}")))?,
     };
     let cell = Cell {
-        scheme: named,
+        scheme: Law::Of(named),
         delay_ms,
         jitter_ratio: share("jitter_ratio", jitter_ratio)?,
         loss: share("loss", loss)?,

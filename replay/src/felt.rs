@@ -140,7 +140,7 @@ impl Hand {
     ///
     /// # Errors
     /// The loop cannot be, or the recording cannot be written.
-    pub fn feel<W: std::io::Write + 'static>(
+    pub fn feel<W: std::io::Write + Send + 'static>(
         &self,
         question: &Question,
         sink: Option<W>,

@@ -76,7 +76,7 @@ impl<W: Write> Inner<W> {
     }
 }
 
-impl<W: Write> Ear for Studio<W> {
+impl<W: Write + Send> Ear for Studio<W> {
     fn on_frame(&mut self, slot: usize, arrived: Timestamp, frame: &HandleFrame) {
         self.inner().tap.on_frame(slot, arrived, frame);
     }

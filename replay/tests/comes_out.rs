@@ -2,9 +2,8 @@
 
 mod rigs;
 
-use std::cell::RefCell;
 use std::ops::Range;
-use std::rc::Rc;
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use rand_core::Rng as _;
@@ -208,7 +207,7 @@ fn there_are_as_many_messages_as_ticks() {
 struct Stalling {
     tap: Tap,
     feed: Feed,
-    scribe: Rc<RefCell<Scribe<File>>>,
+    scribe: Arc<Mutex<Scribe<File>>>,
     stalls: Range<u64>,
 }
 
@@ -220,7 +219,7 @@ impl Ear for Stalling {
     fn on_tick(&mut self, session: &mut Session, now: Timestamp, events: &[Event]) {
         self.tap.on_tick(session, now, events.iter());
         if !self.stalls.contains(&session.ticks()) {
-            let mut scribe = self.scribe.borrow_mut();
+            let mut scribe = self.scribe.lock().unwrap();
             scribe.take_from(&mut self.feed, usize::MAX).unwrap();
         }
     }
@@ -232,17 +231,17 @@ fn what_finds_no_room_is_counted_and_the_rest_comes_out() {
     let mut rig = rig_of_two(Scheme::ForceExchange);
     let file = File::default();
     let (tap, feed) = Tap::new(2, 1);
-    let scribe = Rc::new(RefCell::new(Scribe::new(file.clone(), about()).unwrap()));
+    let scribe = Arc::new(Mutex::new(Scribe::new(file.clone(), about()).unwrap()));
     rig.hear_with(Some(Box::new(Stalling {
         tap,
         feed,
-        scribe: Rc::clone(&scribe),
+        scribe: Arc::clone(&scribe),
         stalls: 500..12_000,
     })));
     rig.run_for(14 * SECOND);
     drop(rig.hear_with(None));
-    scribe.borrow_mut().finish("the run is over").unwrap();
-    let counts = scribe.borrow().counts();
+    scribe.lock().unwrap().finish("the run is over").unwrap();
+    let counts = scribe.lock().unwrap().counts();
     assert!(100 < counts.dropped, "{counts:?}");
     let verdict = verify(&file.bytes()).unwrap();
     assert!(verdict.is_good(), "{:?}", verdict.difference);

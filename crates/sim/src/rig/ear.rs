@@ -7,7 +7,7 @@ use teleclay_session::{Event, Session};
 use super::Rig;
 
 /// Hears what a session does: what a recording is made of.
-pub trait Ear {
+pub trait Ear: Send {
     /// A frame has come to the tool side in `slot`, as [`Session::tick_heard`] tells.
     fn on_frame(&mut self, slot: usize, arrived: Timestamp, frame: &HandleFrame);
 
