@@ -78,7 +78,7 @@ def test_a_stepped_block_has_its_steps():
 
 
 def test_what_cannot_be_is_refused():
-    with pytest.raises(ValueError, match="512"):
+    with pytest.raises(ValueError, match="1024"):
         Clay(block([1.0, 0.1, 0.1]), 1e-4)
     made = Clay(block(SIZE_M), 1e-3)
     with pytest.raises(ValueError, match="this clay needs 0.002 m"):
