@@ -18,7 +18,7 @@ use teleclay_session::{Event, EventKind, Settings, Snapshot, in_words};
 
 use crate::base::{Coming, state_after};
 use crate::error::WriteError;
-use crate::messages::{Frames, TOPICS};
+use crate::messages::{Beside, Frames, Moved, TOPICS};
 use crate::tap::Feed;
 use crate::tick::{BASE, BRICK, END, Parcel, Seen, TICK, Tick, WHOLE};
 
@@ -107,6 +107,7 @@ struct Tool {
     frame_id: u16,
     /// By place in [`TOPICS`]; `None` where it is not asked for.
     shown: [Option<u16>; TOPICS.len()],
+    moved: Moved,
 }
 
 impl<W: Write> Out<W> {
@@ -392,17 +393,22 @@ impl<W: Write> Scribe<W> {
             let holder = snapshot.tools.get(seen.slot)?.holder.as_ref()?;
             Some(&*holder.operator.name)
         });
-        let (Some(tool), out) = (self.tools.get(&seen.slot), &mut self.out) else {
+        let (Some(tool), out) = (self.tools.get_mut(&seen.slot), &mut self.out) else {
             return Ok(());
         };
         let stamp_ns = self.last_ns;
-        let told = (stamp_ns, operator.unwrap_or(""));
-        tool.frames.tell(seen, told, &mut self.bytes, |at, bytes| {
-            match tool.shown[at] {
-                Some(channel) => out.write(channel, stamp_ns, bytes),
-                None => Ok(()),
-            }
-        })?;
+        let beside = Beside {
+            stamp_ns,
+            operator_name: operator.unwrap_or(""),
+            step_n: tool.moved.step_n(seen),
+        };
+        tool.frames
+            .tell(seen, beside, &mut self.bytes, |at, bytes| {
+                match tool.shown[at] {
+                    Some(channel) => out.write(channel, stamp_ns, bytes),
+                    None => Ok(()),
+                }
+            })?;
         Ok(())
     }
 
@@ -434,6 +440,7 @@ impl<W: Write> Scribe<W> {
                 frames: Frames::new(&self.about.session, number),
                 frame_id,
                 shown,
+                moved: Moved::default(),
             };
             self.tools.insert(slot, tool);
         }
