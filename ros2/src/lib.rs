@@ -10,7 +10,6 @@
 //! | `session` | what is told of one session |
 //! | `service` | what one session may be asked |
 //! | `diagnostics` | how all of them are doing |
-//! | `stamps` | the session's own time as the time of day |
 //!
 //! Nothing here is on the tick's way: it reads what watchers read, at their rate, and what does not go at once is lost.
 //! The router lets everybody in, so what ROS 2 asks for is refused in words unless [`Commands`] says otherwise; a stop
@@ -23,7 +22,6 @@ mod node;
 mod router;
 mod service;
 mod session;
-mod stamps;
 mod wire;
 
 use std::collections::HashMap;

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
+use teleclay_ros::SessionClock;
 use teleclay_ros::names::{
     self, Topic, clay_frame, handle_frame, session_topics, tool_frame, topics,
 };
@@ -22,7 +23,6 @@ use tokio::time::{MissedTickBehavior, interval};
 use crate::host::{self, HostSession, Level, Look};
 use crate::node::{Node, PublishedTopic, now_ns};
 use crate::service;
-use crate::stamps::Stamps;
 use crate::wire::Quality;
 
 /// How often what changes slowly is told: whoever comes later knows it within that.
@@ -83,7 +83,7 @@ struct Teller {
     events: PublishedTopic,
     settings: PublishedTopic,
     look: Look,
-    stamps: Stamps,
+    clock: SessionClock,
 }
 
 /// The topics of a tool.
@@ -117,7 +117,7 @@ impl Teller {
             settings: node.publish(&topics.settings, Quality::Reliable).await?,
             node: Arc::clone(node),
             look,
-            stamps: Stamps::default(),
+            clock: SessionClock::default(),
         })
     }
 
@@ -129,7 +129,7 @@ impl Teller {
             sample,
         }: host::Sample,
     ) {
-        let stamp = self.stamps.stamp(time_s, now_ns());
+        let stamp = self.stamp(time_s);
         let slot = (tool as usize).wrapping_sub(1);
         let Some(topics) = self.tools.get(slot) else {
             return;
@@ -151,7 +151,7 @@ impl Teller {
 
     async fn event(&mut self, event: host::Event) {
         let told = Event {
-            stamp: self.stamps.stamp(event.time_s, now_ns()),
+            stamp: self.stamp(event.time_s),
             level: match event.level {
                 Level::Fine => Event::INFO,
                 Level::Warning => Event::WARNING,
@@ -160,6 +160,13 @@ impl Teller {
             text: &event.text,
         };
         self.events.put(&told).await;
+    }
+
+    /// The time of day at the session's `time_s`, of which news is here now.
+    fn stamp(&mut self, time_s: f64) -> Time {
+        let now_ns = now_ns();
+        self.clock.observe(now_ns, time_s);
+        Time::from_ns(self.clock.stamp_ns(time_s, now_ns))
     }
 
     async fn settings(&self) {

@@ -1,7 +1,6 @@
 //! Sessions as ROS 2 is told of them, and what it asks of them: the same commands as over HTTP. There is none that
 //! clears a stop.
 
-use serde_json::json;
 use teleclay_doors::audit::Deed;
 use teleclay_proto::Scheme;
 use teleclay_proto::http::{ClayReset, Session, SessionPatch, SessionState, StorageState};
@@ -65,10 +64,7 @@ impl HostSession for SessionOnRos2 {
 
     fn look(&self) -> Look {
         let session = self.live.state();
-        let settings = json!({
-            "session": self.live.settings().spec,
-            "parameters": self.live.loop_parameters(),
-        });
+        let settings = serde_json::to_string(&self.live.settings());
         let (level, condition) = condition(&session);
         Look {
             home_m: session.tools.first().map_or([0.0; 3], |tool| tool.home_m),
@@ -81,7 +77,7 @@ impl HostSession for SessionOnRos2 {
                 })
                 .collect(),
             revision: session.revision,
-            settings: settings.to_string(),
+            settings: settings.expect("every map in it has strings as keys"),
             level,
             condition,
             figures: figures(&session),

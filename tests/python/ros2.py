@@ -269,7 +269,7 @@ def check_values(fast, slow, server):
     diagnosis = slow["/diagnostics"].all()[-1][-1].status[0]
     check((diagnosis.name, diagnosis.level) == ("teleclay/demo", 0), f"the diagnosis: {diagnosis}")
     settings = json.loads(slow["/teleclay/demo/settings"].all()[-1][-1].json)
-    check(settings["session"]["scheme"] == server.session()["scheme"], "the settings are the session's")
+    check(settings["spec"]["scheme"] == server.session()["scheme"], "the settings are the session's")
 
 
 def check_services(node, server):

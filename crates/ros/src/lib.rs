@@ -10,6 +10,7 @@
 //! | `interface` | the texts of all of them, MCAP's `ros2msg` |
 //! | `type_hash` | RIHS01, by which two ends of a topic know that they mean the same type |
 //! | [`names`] | topics, services and frames of a session |
+//! | [`SessionClock`] | when a sample of a session was, by everybody's clock |
 //!
 //! ```
 //! use teleclay_ros::{standard::Vector3, to_cdr};
@@ -22,6 +23,7 @@
 //! ```
 
 mod cdr;
+mod clock;
 mod interface;
 mod message;
 pub mod names;
@@ -30,6 +32,7 @@ pub mod standard;
 mod type_hash;
 
 pub use cdr::{Cdr, CdrError, CdrReader};
+pub use clock::SessionClock;
 pub use interface::{definition, names as interfaces};
 pub use message::{FromCdr, Message, from_cdr, to_cdr};
 pub use type_hash::type_hash;

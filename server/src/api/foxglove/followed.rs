@@ -9,12 +9,11 @@ use teleclay_foxglove::connection::Flow;
 use teleclay_foxglove::server::{Channel, Service};
 use teleclay_proto::watch::{Level, TelemetrySample};
 use teleclay_ros::names::{self, Topic};
-use teleclay_ros::{definition, standard::TransformStamped};
+use teleclay_ros::{SessionClock, definition, standard::TransformStamped};
 use teleclay_session::{Operator, Settings, Snapshot};
 use tokio::sync::broadcast::Receiver;
 use tokio::sync::broadcast::error::TryRecvError;
 
-use super::clock::SessionClock;
 use super::services::Errand;
 use crate::directory::Live;
 use crate::ros::{self, Frames, Quantity, Told};

@@ -7,13 +7,11 @@
 //! | [`line`] | its sending half |
 //! | [`followed`] | a session: its channels, what is told on them |
 //! | [`services`] | what may be asked of a session |
-//! | [`clock`] | when a sample was, by everybody's clock |
 //! | [`trail`] | how far behind a client is |
 //!
 //! The protocol and what waits for a client are [`teleclay_foxglove`]'s, the messages [`teleclay_ros`]'s. Tokens,
 //! origins and places are those of the streams of sessions; whoever was invited to a session sees that one.
 
-mod clock;
 mod followed;
 mod line;
 mod services;
