@@ -2,8 +2,10 @@
 //! file that says what came of it.
 
 use std::collections::BTreeMap;
-use std::fs::{self, File};
+use std::fs::{self, DirBuilder, File};
+use std::hash::{BuildHasher, RandomState};
 use std::io::{self, Write};
+use std::os::unix::fs::DirBuilderExt;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard};
@@ -72,6 +74,7 @@ pub struct Shelf {
     root: PathBuf,
     /// Nobody else will look for them once this server has ended.
     is_temporary: bool,
+    root_is_made: AtomicBool,
     running: Mutex<BTreeMap<(SessionId, SessionId), Running>>,
 }
 
@@ -98,6 +101,7 @@ impl Shelf {
         Self {
             root,
             is_temporary: false,
+            root_is_made: AtomicBool::new(false),
             running: Mutex::default(),
         }
     }
@@ -105,7 +109,9 @@ impl Shelf {
     /// In a folder of the system's for what is temporary, that goes with the shelf.
     #[must_use]
     pub fn temporary() -> Self {
-        let name = format!("teleclay-recordings-{}", std::process::id());
+        // Others of this machine write there, too: a name that nobody can foresee, and see `make_root`.
+        let chance = RandomState::new().hash_one(std::process::id());
+        let name = format!("teleclay-recordings-{}-{chance:016x}", std::process::id());
         let mut shelf = Self::lasting(std::env::temp_dir().join(name));
         shelf.is_temporary = true;
         shelf
@@ -135,6 +141,7 @@ impl Shelf {
             });
         }
         let files = self.files(&session, id);
+        self.make_root()?;
         fs::create_dir_all(files.folder())?;
         let file = File::create_new(&files.file).map_err(|error| match error.kind() {
             io::ErrorKind::AlreadyExists => ShelfError::Exists { id: id.clone() },
@@ -176,20 +183,21 @@ impl Shelf {
         id: &SessionId,
         reason: &str,
     ) -> Result<Recording, ShelfError> {
-        let thread = {
+        let writer = {
             let mut running = self.running();
             let running = running.get_mut(&(session.clone(), id.clone()));
             running.and_then(|running| {
                 let mut wanted = running.shared.wanted_end.lock().expect("no holder panics");
                 wanted.get_or_insert_with(|| reason.to_owned());
                 drop(wanted);
-                running.thread.take()
+                Some((running.thread.take()?, Arc::clone(&running.shared)))
             })
         };
-        if let Some(thread) = thread {
+        if let Some((thread, shared)) = writer {
             thread.thread().unpark();
             // A thread that panicked has left a slip that says it goes on; it is told as interrupted.
             let _ = thread.join();
+            shared.has_ended.store(true, Ordering::Release);
         }
         self.recording(session, id)
     }
@@ -278,6 +286,15 @@ impl Shelf {
         fs::remove_file(&files.file)?;
         // Without its slip a file is told as interrupted; without its file a slip is nothing.
         let _ = fs::remove_file(&files.slip);
+        Ok(())
+    }
+
+    /// A temporary folder is this server's own, and nobody else looks into it: one that is there already is refused.
+    fn make_root(&self) -> io::Result<()> {
+        if self.is_temporary && !self.root_is_made.load(Ordering::Relaxed) {
+            DirBuilder::new().mode(0o700).create(&self.root)?;
+            self.root_is_made.store(true, Ordering::Relaxed);
+        }
         Ok(())
     }
 

@@ -4,6 +4,7 @@
 mod bench;
 
 use std::fs;
+use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 
 use bench::{Bench, cutting, stroke};
@@ -129,4 +130,23 @@ fn one_at_a_time() {
     drop(tap);
     shelf.stop(&id("bench"), &id("one"), "enough").unwrap();
     shelf.start(&id("two"), about(), recorded(1)).unwrap();
+}
+
+/// Everybody on the machine writes where the system has what is temporary.
+#[test]
+fn what_is_temporary_is_nobody_elses_to_foresee_or_to_read_and_goes() {
+    let shelves = [Shelf::temporary(), Shelf::temporary()];
+    let roots = shelves.each_ref().map(|shelf| {
+        shelf.start(&id("a"), about(), recorded(20)).unwrap();
+        shelf.stop(&id("bench"), &id("a"), "enough").unwrap();
+        let file = shelf.file(&id("bench"), &id("a")).unwrap();
+        file.ancestors().nth(2).unwrap().to_owned()
+    });
+    assert_ne!(roots[0], roots[1]);
+    for root in &roots {
+        let mode = fs::metadata(root).unwrap().permissions().mode();
+        assert_eq!(mode & 0o777, 0o700, "{mode:o}");
+    }
+    drop(shelves);
+    assert!(!roots.iter().any(|root| root.exists()));
 }
