@@ -191,8 +191,9 @@ describe("a stream that the server closes", () => {
 
   it("gives the browser nothing to complain about", () => {
     page.forgive("CONTEXT_LOST_WEBGL");
-    // The session was deleted under the page; its strokes may have been asked for in that moment.
+    // The session was deleted under the page; its strokes and recordings may have been asked for in that moment.
     page.forgive("/sessions/brief/history");
+    page.forgive("/sessions/brief/recordings");
     expect(page.complaints).toEqual([]);
   });
 });

@@ -74,7 +74,8 @@ export class Listing<T> {
 
   async #look(): Promise<void> {
     const session = this.#live.session.peek();
-    if (session === undefined || !this.#live.isCurrent.peek()) return;
+    // A change asks by itself, and is done once it has its answer: a look meanwhile would overtake that.
+    if (session === undefined || !this.#live.isCurrent.peek() || this.#isBusy.peek()) return;
     if (session.id !== this.#session) {
       this.#session = session.id;
       this.#answered_ms = Number.NEGATIVE_INFINITY;

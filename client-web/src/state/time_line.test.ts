@@ -131,6 +131,26 @@ describe("the time line", () => {
     end();
   });
 
+  it("is new once an undo is done, however often it is looked at meanwhile", async () => {
+    const world = await watched();
+    const end = world.line.watch();
+    await pass(world, 2, () => cutSession(5));
+    const undone: Strokes = { ...STROKES, strokes: [] };
+    const waiting: (() => void)[] = [];
+    world.platform.answer = (method) => method === "POST"
+      ? { status: 200, body: JSON.stringify(cutSession(0, 2)) }
+      : new Promise((resolve) => {
+        waiting.push(() => resolve({ status: 200, body: JSON.stringify(undone) }));
+      });
+    const undo = world.line.undo({});
+    await pass(world, 2, () => cutSession(0, 2));
+    expect(waiting).toHaveLength(1);
+    waiting[0]();
+    expect(await undo).toBe(true);
+    expect(world.line.strokes.value).toEqual(undone);
+    end();
+  });
+
   it("says why there is none, where a server has none", async () => {
     const world = await watched();
     world.platform.answer = () => ({ status: 404, body: "" });
