@@ -2,12 +2,15 @@
 //! `cargo run --release -p teleclay-clay --example tick`.
 //!
 //! A ball of 12.8 voxels radius moves a quarter of a voxel per tick through fresh clay, half sunk into the top of the
-//! block and wholly inside it; the paper's blade cuts at three depths.
+//! block and wholly inside it; the paper's blade cuts a centimetre deep. A cylinder of that radius and a loop of that
+//! ring do what they are made for: the one cuts a centimetre deep, the other is drawn flat through the clay.
 #![allow(clippy::print_stdout)] // a program's output
 
 use std::time::Instant;
 
-use teleclay_clay::{Clay, ContactState, Material, Motion, Pose, Shape, Tool, ToolShape};
+use teleclay_clay::{
+    Clay, ContactState, Cylinder, Material, Motion, Pose, Shape, Tool, ToolShape, WireLoop,
+};
 
 const VOXEL_M: f64 = 5e-4;
 
@@ -23,6 +26,8 @@ struct Stroke {
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let ball = ToolShape::ball(12.8 * VOXEL_M)?;
     let blade = ToolShape::paper_blade();
+    let cylinder = ToolShape::Cylinder(Cylinder::new(12.8 * VOXEL_M, 40.0 * VOXEL_M)?);
+    let wire = ToolShape::Loop(WireLoop::new(12.8 * VOXEL_M, 4.0 * VOXEL_M)?);
     let along = [1.0, 0.0, 0.0];
     let up = [0.0, 0.0, 1.0];
     let diagonal = [0.6, 0.64, 0.48];
@@ -63,6 +68,34 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 voxels,
                 height: 0.5 * edge - 20.0,
                 direction: along,
+            },
+            Stroke {
+                name: "cylinder 1 cm deep",
+                tool: cylinder,
+                voxels,
+                height: 0.5 * edge - 20.0,
+                direction: along,
+            },
+            Stroke {
+                name: "cylinder, diagonal",
+                tool: cylinder,
+                voxels,
+                height: 0.0,
+                direction: diagonal,
+            },
+            Stroke {
+                name: "loop inside, along x",
+                tool: wire,
+                voxels,
+                height: 0.0,
+                direction: along,
+            },
+            Stroke {
+                name: "loop inside, diagonal",
+                tool: wire,
+                voxels,
+                height: 0.0,
+                direction: diagonal,
             },
             Stroke {
                 name: "ball in air",

@@ -25,6 +25,7 @@ mod blade;
 mod capsule;
 mod cleared;
 mod list;
+mod rod;
 mod segment;
 mod tables;
 
@@ -39,6 +40,7 @@ use ball::BallStep;
 use blade::BladeSweep;
 use capsule::CapsuleSweep;
 use list::List;
+use rod::{Rod, RodSweep};
 use segment::Segment;
 use tables::BrickAt;
 
@@ -92,6 +94,12 @@ pub(crate) fn carve(
             if moves {
                 carver.cut(&BladeSweep::new(blade, &segment));
             }
+        }
+        ToolShape::Cylinder(cylinder) => {
+            carver.cut_rod::<2>(&Rod::upright(cylinder), &segment, start);
+        }
+        ToolShape::Loop(wire_loop) => {
+            carver.cut_rod::<0>(&Rod::within(wire_loop), &segment, start);
         }
     }
     before - field.total()
@@ -171,6 +179,15 @@ impl<S: Solid> Work for Cut<'_, '_, S> {
 }
 
 impl Carver<'_> {
+    fn cut_rod<const AXIS: usize>(&mut self, rod: &Rod, segment: &Segment, start: Start) {
+        if start == Start::Unknown {
+            self.cut(&RodSweep::<AXIS>::set_down(rod, segment));
+        }
+        if !segment.is_standing() {
+            self.cut(&RodSweep::<AXIS>::new(rod, segment));
+        }
+    }
+
     fn cut<S: Solid>(&mut self, solid: &S) {
         widely(Cut {
             carver: self,

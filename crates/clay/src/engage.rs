@@ -5,7 +5,8 @@
 //! ```
 //!
 //! with `n` the outward normal, `d` the direction of motion and `e` 1 where clay stands ahead, 0 where air does. A ball
-//! wholly in clay has `pi r^2`, a blade its width times the depth of cut. The integral is a sum over points that are
+//! wholly in clay has `pi r^2`, a blade its width times the depth of cut, an upright cylinder its diameter times that, a
+//! loop drawn flat through clay the ring of its wire, `2 pi R d` for a wire of thickness `d`. The integral is a sum over points that are
 //! fixed in the tool, so what is summed does not depend on the speed, and a removed volume never has to be divided by a
 //! small step.
 //!
@@ -17,6 +18,7 @@
 //! and the walls of a cut, which hold half at the rim of the tool that made it, do not count.
 
 mod points;
+mod rod;
 mod sampler;
 
 use crate::field::Field;

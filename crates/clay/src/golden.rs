@@ -7,10 +7,12 @@ use crate::law::{Coefficients, ContactState, Material, Motion};
 use crate::pose::Pose;
 use crate::shape::{Shape, SteppedBlock};
 use crate::sweep::Sweep;
-use crate::tool::{Blade, BladeDimensions, ToolShape};
+use crate::tool::{Blade, BladeDimensions, Cylinder, ToolShape, WireLoop};
 
 /// What [`digest`] must return on every machine.
 pub const DIGEST: u64 = 0xd8360f13847396f8;
+/// What [`rods`] must return on every machine.
+pub const RODS: u64 = 0x3f93beac72aca6c4;
 
 /// Cuts, feels and hashes by a fixed plan: strokes of a ball and of a blade, short and long, along the grid and across
 /// it, starting where the last one ended and out of nowhere, inside the clay and past it. The bits of every force and
@@ -20,6 +22,30 @@ pub const DIGEST: u64 = 0xd8360f13847396f8;
 /// Never: the plan's numbers are valid.
 #[must_use]
 pub fn digest() -> u64 {
+    let blade = BladeDimensions {
+        width_m: 0.007,
+        height_m: 0.019,
+        thickness_m: 0.0023,
+    };
+    digest_of([
+        ToolShape::ball(0.0061).expect("radius is in range"),
+        ToolShape::Blade(Blade::new(blade).expect("dimensions are in range")),
+    ])
+}
+
+/// The same by a cylinder and a loop.
+///
+/// # Panics
+/// Never: the plan's numbers are valid.
+#[must_use]
+pub fn rods() -> u64 {
+    digest_of([
+        ToolShape::Cylinder(Cylinder::new(0.0053, 0.017).expect("lengths are in range")),
+        ToolShape::Loop(WireLoop::new(0.0072, 0.0024).expect("lengths are in range")),
+    ])
+}
+
+fn digest_of(shapes: [ToolShape; 2]) -> u64 {
     let mut clay = Clay::new(&Shape::Stepped(SteppedBlock::paper()), 1e-3)
         .expect("the paper's block fits a grid of millimetres");
     let material = Material::new(Coefficients {
@@ -28,17 +54,7 @@ pub fn digest() -> u64 {
         stiffness_pa: 4e5,
     })
     .expect("coefficients are in range");
-    let blade = BladeDimensions {
-        width_m: 0.007,
-        height_m: 0.019,
-        thickness_m: 0.0023,
-    };
-    let tools = [
-        Tool::new(ToolShape::ball(0.0061).expect("radius is in range")),
-        Tool::new(ToolShape::Blade(
-            Blade::new(blade).expect("dimensions are in range"),
-        )),
-    ];
+    let tools = shapes.map(Tool::new);
     let mut plan = Plan(0x7465_6C65_636C_6179);
     let mut digest = hash::fold(0, clay.hash());
     for stroke in 0..24 {
@@ -92,5 +108,6 @@ mod tests {
     #[test]
     fn this_machine_gets_the_same_bits_as_every_other() {
         assert_eq!(digest(), DIGEST, "got {:#018x}", digest());
+        assert_eq!(rods(), RODS, "got {:#018x}", rods());
     }
 }

@@ -55,4 +55,6 @@ pub use pose::{Pose, PoseError, STEPS_PER_METRE};
 pub use shape::{MAX_STEPS, Shape, ShapeError, SteppedBlock, SteppedDimensions};
 pub use surface::{BrickMesh, Mesh};
 pub use sweep::Sweep;
-pub use tool::{Ball, Blade, BladeDimensions, MAX_TOOL_SIZE_M, ToolError, ToolShape};
+pub use tool::{
+    Ball, Blade, BladeDimensions, Cylinder, MAX_TOOL_SIZE_M, ToolError, ToolShape, WireLoop,
+};

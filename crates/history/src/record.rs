@@ -16,15 +16,17 @@
 
 use std::sync::Arc;
 
-use teleclay_clay::Pose;
+use teleclay_clay::{Pose, ToolShape};
 use teleclay_link::replica::Cut;
 use teleclay_link::safety::{Flaw, Implausible};
 use teleclay_session::{Event, EventKind, Exchange, Operator, Release, Settings, ToolCuts};
 
 use crate::bytes::{Malformed, Reader, put_number, put_signed, put_text};
 
-/// The version that is written.
-pub const VERSION: u8 = 1;
+/// The newest version that is read. It is written where settings name a tool that version 1 does not know, and version
+/// 1 elsewhere: a program that knows only that says then that a later one wrote the record.
+pub const VERSION: u8 = 2;
+const OLDEST: u8 = 1;
 
 /// Names of quantities that can put a tool into fault, by the byte that stands for each. New ones come at the end.
 const FIELDS: [&str; 11] = [
@@ -116,7 +118,7 @@ pub enum Fact {
 
 /// Begins a record.
 pub(crate) fn put_head(out: &mut Vec<u8>, tick: u64) {
-    out.push(VERSION);
+    out.push(OLDEST);
     put_number(out, tick);
 }
 
@@ -132,7 +134,7 @@ pub(crate) fn put_begun(
         put_number(out, number.into());
     }
     put_given(out, given);
-    put_settings(out, settings);
+    put_settings_of_record(out, settings);
 }
 
 pub(crate) fn put_gone_on(out: &mut Vec<u8>, ownership_epoch: u32) {
@@ -197,7 +199,7 @@ fn put_told(out: &mut Vec<u8>, revision: u64, kind: &EventKind) {
     out.push(code);
     put_number(out, revision);
     match kind {
-        EventKind::Changed { settings } => put_settings(out, settings),
+        EventKind::Changed { settings } => put_settings_of_record(out, settings),
         EventKind::FreshBlock {
             settings,
             clay_epoch,
@@ -205,7 +207,7 @@ fn put_told(out: &mut Vec<u8>, revision: u64, kind: &EventKind) {
         } => {
             put_number(out, (*clay_epoch).into());
             put_given(out, *given);
-            put_settings(out, settings);
+            put_settings_of_record(out, settings);
         }
         EventKind::Exchanged {
             clay_epoch,
@@ -290,6 +292,22 @@ fn put_given(out: &mut Vec<u8>, given: Option<u64>) {
 }
 
 /// As JSON, behind its length in four bytes: so it is written in one go.
+/// Whether the tool is one that there was from the first version on.
+pub(crate) fn has_first_tools(settings: &Settings) -> bool {
+    match settings.tool_shape() {
+        ToolShape::Ball(_) | ToolShape::Blade(_) => true,
+        ToolShape::Cylinder(_) | ToolShape::Loop(_) => false,
+    }
+}
+
+/// Settings in a record, which begins where `out` does.
+fn put_settings_of_record(out: &mut Vec<u8>, settings: &Settings) {
+    if !has_first_tools(settings) {
+        out[0] = VERSION;
+    }
+    put_settings(out, settings);
+}
+
 pub(crate) fn put_settings(out: &mut Vec<u8>, settings: &Settings) {
     let start = out.len();
     out.extend_from_slice(&[0; 4]);

@@ -18,8 +18,9 @@ use teleclay_sim::rig::{Rig, Setup};
 pub type Digest = (&'static str, fn() -> u64);
 
 /// Every digest.
-pub const DIGESTS: [Digest; 12] = [
+pub const DIGESTS: [Digest; 13] = [
     ("clay", teleclay_clay::golden::digest),
+    ("clay_rods", teleclay_clay::golden::rods),
     ("surface", surface),
     ("loop_force_exchange", || run(Scheme::ForceExchange)),
     ("loop_position_force", || run(Scheme::PositionForce)),
