@@ -64,7 +64,7 @@ pub(super) struct RodSweep<const AXIS: usize> {
     half: f32,
     /// The way from the start to the end, and whether there is none.
     step: [f32; 3],
-    is_standing: bool,
+    motion: Motion,
     is_short: bool,
     /// Turn what lies along the way, in squared units across the axis and in units along it, into a share of it.
     share_across: f32,
@@ -76,7 +76,22 @@ pub(super) struct RodSweep<const AXIS: usize> {
     clear: f32,
     /// Of a brick's middle likewise.
     brick_reach: f32,
+    /// By how much the wall is beyond an end, or an end beyond the wall, at a tile's middle so that it is wherever in the
+    /// tile and on the way.
+    apart: f32,
+    /// A tile has something ahead of the start, across the axis and along it, where its middle's way from the end along
+    /// the step is more than this.
+    nowhere: [f32; 2],
     bounds: [[i32; 2]; 3],
+}
+
+/// How a rod moves.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Motion {
+    None,
+    Across,
+    Along,
+    Askew,
 }
 
 impl<const AXIS: usize> RodSweep<AXIS> {
@@ -87,6 +102,7 @@ impl<const AXIS: usize> RodSweep<AXIS> {
     pub(super) fn set_down(rod: &Rod, segment: &Segment) -> Self {
         Self {
             clear: f32::MIN,
+            nowhere: [f32::MIN; 2],
             ..Self::new(rod, &segment.at_its_start())
         }
     }
@@ -108,6 +124,18 @@ impl<const AXIS: usize> RodSweep<AXIS> {
         let across = step[Self::B] * step[Self::B] + step[Self::C] * step[Self::C];
         let along = step[AXIS];
         let inverse = |of: f64| if of.abs() <= 0.0 { 0.0 } else { 1.0 / of };
+        let motion = match (0.0 < across, 0.0 < along.abs()) {
+            (false, false) => Motion::None,
+            (true, false) => Motion::Across,
+            (false, true) => Motion::Along,
+            (true, true) => Motion::Askew,
+        };
+        // A tile lies wholly behind the start where every way from there along the step is back. Of what is behind in
+        // both respects the rod at the start leaves as little as any on the way.
+        let behind = |squared: f64| {
+            let length = squared.sqrt();
+            (-length - (TILE_RADIUS + slack) * UNITS_PER_VOXEL) * length
+        };
         let reach = RAMP + slack;
         let mut extent = [radius + reach; 3];
         extent[AXIS] = half + reach;
@@ -116,7 +144,7 @@ impl<const AXIS: usize> RodSweep<AXIS> {
             radius: (radius * UNITS_PER_VOXEL) as f32,
             half: (half * UNITS_PER_VOXEL) as f32,
             step: step.map(|d| d as f32),
-            is_standing: segment.is_standing(),
+            motion,
             is_short,
             share_across: -inverse(across) as f32,
             share_along: -inverse(along) as f32,
@@ -128,6 +156,8 @@ impl<const AXIS: usize> RodSweep<AXIS> {
                 f32::MIN
             },
             brick_reach: ((reach + BRICK_RADIUS) * UNITS_PER_VOXEL) as f32,
+            apart: (2.0 * (TILE_RADIUS + moved + slack) * UNITS_PER_VOXEL) as f32,
+            nowhere: [across, along * along].map(|squared| behind(squared) as f32),
             bounds: segment.bounds(extent),
         }
     }
@@ -140,6 +170,17 @@ impl<const AXIS: usize> RodSweep<AXIS> {
         wall.max(w.abs() - F32x4::splat(self.half))
     }
 
+    /// What is left over.
+    #[inline(always)]
+    fn left_over(&self, way: [F32x4; 3]) -> F32x4 {
+        let at_surface = F32x4::splat(HALF_UNITS as f32);
+        let end = self.outside_end(way);
+        if self.motion == Motion::None {
+            return at_surface + end;
+        }
+        at_surface + end.min(self.outside_sweep(way))
+    }
+
     /// Distance outside the nearest of all rods on the way, in units.
     #[inline(always)]
     fn outside_sweep(&self, way: [F32x4; 3]) -> F32x4 {
@@ -148,21 +189,34 @@ impl<const AXIS: usize> RodSweep<AXIS> {
         let (b, c, w) = (way[Self::B], way[Self::C], way[AXIS]);
         let step = self.step.map(F32x4::splat);
         let (step_b, step_c, step_w) = (step[Self::B], step[Self::C], step[AXIS]);
-        let wall_at = |u: F32x4| {
-            let (b, c) = (b + u * step_b, c + u * step_c);
-            ((b * b + c * c).sqrt(), b * step_b + c * step_c)
-        };
-        let end_at = |u: F32x4| (w + u * step_w).abs() - half;
-        let kept = |u: F32x4| u.max(zero).min(one);
         // Where each of the two is least.
-        let by_wall = kept((b * step_b + c * step_c) * F32x4::splat(self.share_across));
-        let by_end = kept(w * F32x4::splat(self.share_along));
-        let (from_axis, outward) = wall_at(by_wall);
-        let (wall, end) = (from_axis - radius, end_at(by_wall));
-        let (least_end, wall_there) = (end_at(by_end), wall_at(by_end).0 - radius);
+        let by_wall = (b * step_b + c * step_c) * F32x4::splat(self.share_across);
+        let by_wall = by_wall.max(zero).min(one);
+        let by_end = (w * F32x4::splat(self.share_along)).max(zero).min(one);
+        let (wall_b, wall_c) = (b + by_wall * step_b, c + by_wall * step_c);
+        let from_axis = (wall_b * wall_b + wall_c * wall_c).sqrt();
+        let wall = from_axis - radius;
+        let end = (w + by_wall * step_w).abs() - half;
+        if self.motion == Motion::Across {
+            return wall.max(end);
+        }
+        // Most voxels are next to the wall alone, or to an end.
+        if !(end - wall).any_above_0() {
+            return wall;
+        }
+        let least_end = (w + by_end * step_w).abs() - half;
+        if self.motion == Motion::Along {
+            return wall.max(least_end);
+        }
+        let (end_b, end_c) = (b + by_end * step_b, c + by_end * step_c);
+        let wall_there = (end_b * end_b + end_c * end_c).sqrt() - radius;
+        if !(wall_there - least_end).any_above_0() {
+            return wall.where_below(end, least_end, wall);
+        }
         // From there on the wall recedes and the end comes nearer, until both are as far: after `x` of the way.
         let closing = step_w.abs();
         let gap = end + radius;
+        let outward = wall_b * step_b + wall_c * step_c;
         let outward = by_end.where_below(by_wall, zero - outward, outward);
         let linear = outward.max(zero) + gap * closing;
         let constant = (gap - from_axis) * (gap + from_axis);
@@ -172,16 +226,6 @@ impl<const AXIS: usize> RodSweep<AXIS> {
         let equal = end - closing * (constant / (linear + root));
         let in_between = least_end.where_below(wall_there, equal, least_end);
         wall.where_below(end, in_between, wall)
-    }
-
-    /// Distances of the middles of tiles or bricks, in units, as near as they may be.
-    #[inline(always)]
-    fn outside(&self, way: [F32x4; 3]) -> F32x4 {
-        if self.is_short {
-            self.outside_end(way)
-        } else {
-            self.outside_sweep(way)
-        }
     }
 }
 
@@ -253,13 +297,34 @@ impl<const AXIS: usize> InBrick for RodInBrick<'_, AXIS> {
 
     #[inline(always)]
     fn tiles(&self, layer: usize, band: usize) -> u32 {
-        let distance = self.sweep.outside([
+        let sweep = self.sweep;
+        let way = [
             self.tables.fours(0, MIDDLE, self.at),
             self.tables.band(MIDDLE, self.at, band),
             self.tables.layer(WAY, self.at, layer),
-        ]);
+        ];
+        if !sweep.is_short {
+            return sweep.outside_sweep(way).is_below(self.reach).bits();
+        }
+        let (b, c, w) = (
+            way[RodSweep::<AXIS>::B],
+            way[RodSweep::<AXIS>::C],
+            way[AXIS],
+        );
+        let wall = (b * b + c * c).sqrt() - F32x4::splat(sweep.radius);
+        let end = w.abs() - F32x4::splat(sweep.half);
+        let distance = wall.max(end);
         let near = distance.is_below(self.reach);
-        near.and(self.clear.is_below(distance)).bits()
+        let left = self.clear.is_below(distance);
+        let step = sweep.step.map(F32x4::splat);
+        let [across, along] = sweep.nowhere.map(F32x4::splat);
+        let forth = b * step[RodSweep::<AXIS>::B] + c * step[RodSweep::<AXIS>::C];
+        let apart = F32x4::splat(sweep.apart);
+        let by_wall = across.is_below(forth).and((end - wall).is_below(apart));
+        let by_end = along
+            .is_below(w * step[AXIS])
+            .and((wall - end).is_below(apart));
+        near.and(left).and(by_wall.or(by_end)).bits()
     }
 
     #[inline(always)]
@@ -270,14 +335,12 @@ impl<const AXIS: usize> InBrick for RodInBrick<'_, AXIS> {
             .four_voxels(1, WAY, self.at, tile.band())
             .each_splatted();
         let z = self.tables.layer(WAY, self.at, tile.layer());
-        let at_surface = F32x4::splat(HALF_UNITS as f32);
-        Tile::nearest(std::array::from_fn(|row| {
-            let way = [x, y[row], z];
-            let end = self.sweep.outside_end(way);
-            if self.sweep.is_standing {
-                return at_surface + end;
-            }
-            at_surface + end.min(self.sweep.outside_sweep(way))
-        }))
+        // Spelled out, so that each is compiled for the instructions at hand.
+        Tile::nearest([
+            self.sweep.left_over([x, y[0], z]),
+            self.sweep.left_over([x, y[1], z]),
+            self.sweep.left_over([x, y[2], z]),
+            self.sweep.left_over([x, y[3], z]),
+        ])
     }
 }
