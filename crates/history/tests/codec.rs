@@ -258,7 +258,7 @@ fn only_what_names_a_later_tool_has_a_later_version() {
         let first = recorder.begin(&session, None).to_vec();
         assert_eq!(first[0], of_record, "{tool:?}");
         assert_eq!(Record::decode(&first).unwrap().encode(), first);
-        let state = Replay::begin(&first, Vec::new()).unwrap().state();
+        let mut state = Replay::begin(&first, Vec::new()).unwrap().state();
         assert_eq!(state.session.settings.spec.tool, tool);
         let bytes = state.encode();
         assert_eq!(bytes[0], of_snapshot, "{tool:?}");
