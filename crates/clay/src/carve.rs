@@ -25,14 +25,17 @@ mod blade;
 mod capsule;
 mod cleared;
 mod list;
+mod mesh;
 mod rod;
 mod segment;
 mod tables;
 
+use crate::bake::Baked;
 use crate::changes::Changes;
 use crate::field::{Brick, Field};
 use crate::grid::BRICK_EDGE;
 use crate::lanes::{Removed, Tile, Work, widely};
+use crate::pose::Pose;
 use crate::sweep::Sweep;
 use crate::tool::ToolShape;
 
@@ -40,6 +43,7 @@ use ball::BallStep;
 use blade::BladeSweep;
 use capsule::CapsuleSweep;
 use list::List;
+use mesh::{MeshAt, places};
 use rod::{Rod, RodSweep};
 use segment::Segment;
 use tables::BrickAt;
@@ -100,6 +104,36 @@ pub(crate) fn carve(
         }
         ToolShape::Loop(wire_loop) => {
             carver.cut_rod::<0>(&Rod::within(wire_loop), &segment, start);
+        }
+    }
+    before - field.total()
+}
+
+/// Likewise by a mesh that goes straight from one pose to another.
+pub(crate) fn carve_mesh(
+    field: &mut Field,
+    changes: &mut Changes,
+    tables: &mut Tables,
+    baked: &Baked,
+    [from, to]: [Pose; 2],
+    start: Start,
+) -> u64 {
+    let segment = Segment::between(from, to, field.grid().voxel_size_m());
+    let before = field.total();
+    let mut carver = Carver {
+        revision: changes.upcoming(),
+        field,
+        changes,
+        tables,
+        bands: List::new(),
+        work: List::new(),
+    };
+    if start == Start::Unknown {
+        carver.cut(&MeshAt::new(baked, segment.from, segment.per_metre));
+    }
+    if !segment.is_standing() {
+        for place in places(&segment) {
+            carver.cut(&MeshAt::new(baked, place, segment.per_metre));
         }
     }
     before - field.total()

@@ -1,6 +1,7 @@
 //! Points spread over the surface of a tool, at which it feels clay.
 
 use super::rod::RodFaces;
+use crate::bake::Baked;
 use crate::lanes::{F32x4, LANES};
 use crate::tool::{Ball, Blade, Cylinder, ToolShape, WireLoop};
 
@@ -36,12 +37,21 @@ const GOLDEN_EIGHTH: (f64, f64) = (0.8844871074293708, 0.4665646330265774);
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tool {
     shape: ToolShape,
+    faces: Faces,
+}
+
+/// Points spread over the surface of a solid.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Faces {
+    pub(super) extents_m: [f64; 3],
     pub(super) middle_from_pose_m: [f64; 3],
     pub(super) pairs: Box<[FacePairs]>,
     /// Radius of a ball; `None` for other faces.
     pub(super) radius_m: Option<f64>,
     /// The rod that a cylinder or a loop removes.
     pub(super) rod: Option<RodFaces>,
+    /// Whether each point has one opposite; if not, points that trail count for nothing.
+    pub(super) are_mirrored: bool,
 }
 
 /// Points, and with each the one opposite through the tool's middle. Whichever way the tool moves, one of the two leads
@@ -80,19 +90,52 @@ impl Tool {
         };
         let middle_from_pose_m = shape.middle_from_pose_m();
         let pairs = pairs.chunks(LANES).map(FacePairs::of).collect();
-        Self {
-            shape,
+        let faces = Faces {
+            extents_m: shape.extents_m(),
             middle_from_pose_m,
             pairs,
             radius_m,
             rod,
-        }
+            are_mirrored: true,
+        };
+        Self { shape, faces }
+    }
+
+    pub(crate) const fn faces(&self) -> &Faces {
+        &self.faces
     }
 
     /// The solid.
     #[must_use]
     pub const fn shape(&self) -> &ToolShape {
         &self.shape
+    }
+}
+
+impl Faces {
+    /// The points of a mesh, each by itself.
+    pub(crate) fn of_mesh(baked: &Baked) -> Self {
+        let [least, most] = baked.bounds_m;
+        let middle_from_pose_m = std::array::from_fn(|axis| 0.5 * (least[axis] + most[axis]));
+        let points: Vec<FacePair> = baked
+            .samples
+            .iter()
+            .map(|sample| FacePair {
+                offset_m: std::array::from_fn(|axis| {
+                    sample.place_m[axis] - middle_from_pose_m[axis]
+                }),
+                normal: sample.normal,
+                area_m2: sample.area_m2,
+            })
+            .collect();
+        Self {
+            extents_m: std::array::from_fn(|axis| most[axis] - least[axis]),
+            middle_from_pose_m,
+            pairs: points.chunks(LANES).map(FacePairs::of).collect(),
+            radius_m: None,
+            rod: None,
+            are_mirrored: false,
+        }
     }
 }
 

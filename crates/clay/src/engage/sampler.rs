@@ -1,7 +1,7 @@
 //! Reads the clay in front of a tool.
 
 use super::LOOK_AHEAD_VOXELS;
-use super::points::{FacePairs, Tool};
+use super::points::{FacePairs, Faces};
 use super::rod::RodReach;
 use crate::field::{Field, Reader, SOLID};
 use crate::grid::{BRICK_EDGE, MAX_AXIS_VOXELS};
@@ -49,18 +49,18 @@ pub(super) struct Sampler<'a> {
 }
 
 impl<'a> Sampler<'a> {
-    pub(super) fn new(field: &'a Field, tool: &Tool, pose: Pose) -> Self {
+    pub(super) fn new(field: &'a Field, faces: &Faces, pose: Pose) -> Self {
         let per_metre = 1.0 / field.grid().voxel_size_m();
         let position_m = pose.position_m();
         Self {
             field,
             reader: field.reader(),
             middle: std::array::from_fn(|axis| {
-                ((position_m[axis] + tool.middle_from_pose_m[axis]) * per_metre - 0.5) as f32
+                ((position_m[axis] + faces.middle_from_pose_m[axis]) * per_metre - 0.5) as f32
             }),
             per_metre: per_metre as f32,
-            radius: tool.radius_m.map(|radius_m| (radius_m * per_metre) as f32),
-            rod: tool
+            radius: faces.radius_m.map(|radius_m| (radius_m * per_metre) as f32),
+            rod: faces
                 .rod
                 .map(|rod| rod.on_grid(per_metre * f64::from(SCALE), LOOK_AHEAD)),
             voxels: field
@@ -71,8 +71,8 @@ impl<'a> Sampler<'a> {
     }
 
     /// Whether no clay is anywhere near the tool.
-    pub(super) fn is_in_air(&self, tool: &Tool) -> bool {
-        let extents_m = tool.shape().extents_m();
+    pub(super) fn is_in_air(&self, faces: &Faces) -> bool {
+        let extents_m = faces.extents_m;
         // Beyond the tool by the farthest that anything is felt, and one more for interpolation.
         let reach = match self.radius {
             Some(radius) => {
@@ -93,8 +93,8 @@ impl<'a> Sampler<'a> {
 
     /// Engaged area in the direction `ahead`, m².
     #[inline(always)]
-    pub(super) fn area_m2(&self, tool: &Tool, ahead: [f64; 3]) -> f64 {
-        let [area_m2] = self.areas_m2(tool, ahead, |_, _, cosine| [cosine]);
+    pub(super) fn area_m2(&self, faces: &Faces, ahead: [f64; 3]) -> f64 {
+        let [area_m2] = self.areas_m2(faces, ahead, |_, _, cosine| [cosine]);
         area_m2
     }
 
@@ -102,13 +102,13 @@ impl<'a> Sampler<'a> {
     #[inline(always)]
     pub(super) fn areas_close_m2<const N: usize>(
         &self,
-        tool: &Tool,
+        faces: &Faces,
         ahead: [f64; 3],
         directions: [[f64; 3]; N],
     ) -> [f64; N] {
         let directions = directions.map(|direction| direction.map(|d| d as f32));
         let none = F32x4::splat(0.0);
-        self.areas_m2(tool, ahead, |pairs, side, _| {
+        self.areas_m2(faces, ahead, |pairs, side, _| {
             directions.map(|direction| (side * pairs.along(direction)).max(none))
         })
     }
@@ -117,17 +117,21 @@ impl<'a> Sampler<'a> {
     #[inline(always)]
     fn areas_m2<const N: usize>(
         &self,
-        tool: &Tool,
+        faces: &Faces,
         ahead: [f64; 3],
         numbers: impl Fn(&FacePairs, F32x4, F32x4) -> [F32x4; N],
     ) -> [f64; N] {
         let ahead = ahead.map(|d| d as f32);
         let none = F32x4::splat(0.0);
         let (mut areas_m2, mut whole_m2) = ([none; N], none);
-        for pairs in &tool.pairs {
+        for pairs in &faces.pairs {
             let (cosine, area_m2) = (pairs.along(ahead), F32x4::load(&pairs.area_m2));
-            let side = cosine.where_below(none, F32x4::splat(-1.0), F32x4::splat(1.0));
-            let cosine = cosine.abs();
+            let (side, cosine) = if faces.are_mirrored {
+                let side = cosine.where_below(none, F32x4::splat(-1.0), F32x4::splat(1.0));
+                (side, cosine.abs())
+            } else {
+                (F32x4::splat(1.0), cosine.max(none))
+            };
             let seen_m2 = cosine * area_m2;
             // A face that neither leads nor trails counts for nothing.
             if !seen_m2.any_above_0() {
@@ -142,7 +146,7 @@ impl<'a> Sampler<'a> {
         }
         let sum = |lanes: F32x4| lanes.to_array().into_iter().map(f64::from).sum::<f64>();
         // What the points of a round tool make of its outline is a little off, by as much whether clay is there or not.
-        let seen_m2 = match (tool.radius_m, &tool.rod) {
+        let seen_m2 = match (faces.radius_m, &faces.rod) {
             (Some(radius_m), _) => Some(std::f64::consts::PI * radius_m * radius_m),
             (None, Some(rod)) => rod.seen_m2(ahead),
             (None, None) => None,
