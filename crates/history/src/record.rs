@@ -16,12 +16,13 @@
 
 use std::sync::Arc;
 
-use teleclay_clay::{Pose, ToolShape};
+use teleclay_clay::Pose;
 use teleclay_link::replica::Cut;
 use teleclay_link::safety::{Flaw, Implausible};
 use teleclay_session::{Event, EventKind, Exchange, Operator, Release, Settings, ToolCuts};
 
 use crate::bytes::{Malformed, Reader, put_number, put_signed, put_text};
+use crate::settings::{has_first_tools, put_settings, read_settings};
 
 /// The newest version that is read. It is written where settings name a tool that version 1 does not know, and version
 /// 1 elsewhere: a program that knows only that says then that a later one wrote the record.
@@ -291,30 +292,12 @@ fn put_given(out: &mut Vec<u8>, given: Option<u64>) {
     }
 }
 
-/// As JSON, behind its length in four bytes: so it is written in one go.
-/// Whether the tool is one that there was from the first version on.
-pub(crate) fn has_first_tools(settings: &Settings) -> bool {
-    match settings.tool_shape() {
-        ToolShape::Ball(_) | ToolShape::Blade(_) => true,
-        ToolShape::Cylinder(_) | ToolShape::Loop(_) => false,
-    }
-}
-
 /// Settings in a record, which begins where `out` does.
 fn put_settings_of_record(out: &mut Vec<u8>, settings: &Settings) {
     if !has_first_tools(settings) {
         out[0] = VERSION;
     }
     put_settings(out, settings);
-}
-
-pub(crate) fn put_settings(out: &mut Vec<u8>, settings: &Settings) {
-    let start = out.len();
-    out.extend_from_slice(&[0; 4]);
-    let written = serde_json::to_writer(&mut *out, settings);
-    debug_assert!(written.is_ok(), "settings are plain data: {written:?}");
-    let length = (out.len() - start - 4) as u32;
-    out[start..start + 4].copy_from_slice(&length.to_le_bytes());
 }
 
 impl Record {
@@ -592,19 +575,4 @@ fn read_given(reader: &mut Reader<'_>) -> Result<Option<u64>, Malformed> {
         }
         got => Err(value("whether a block was given", got)),
     }
-}
-
-/// Settings that are proven once more: bytes prove nothing.
-pub(crate) fn read_settings(reader: &mut Reader<'_>) -> Result<Arc<Settings>, Malformed> {
-    let length = reader.slice(4, "settings")?;
-    let length = u32::from_le_bytes(std::array::from_fn(|at| length[at]));
-    let text = reader.slice(length as usize, "settings")?;
-    let wrong = |why: String| Malformed::Text {
-        what: "settings",
-        why,
-    };
-    let settings: Settings =
-        serde_json::from_slice(text).map_err(|error| wrong(error.to_string()))?;
-    Settings::new(settings.spec.clone()).map_err(|error| wrong(error.detail))?;
-    Ok(Arc::new(settings))
 }

@@ -11,9 +11,8 @@ use teleclay_session::{
 
 use crate::bytes::{Malformed, Reader, put_number, put_text};
 use crate::content;
-use crate::record::{
-    has_first_tools, put_fault, put_holder, put_settings, read_fault, read_holder, read_settings,
-};
+use crate::record::{put_fault, put_holder, read_fault, read_holder};
+use crate::settings::{has_first_tools, put_settings, read_settings};
 use crate::strokes::Strokes;
 
 const VERSION: u8 = 3;
