@@ -168,7 +168,12 @@ impl<'a> Sampler<'a> {
                 let rest = F32x4::splat(LOOK_AHEAD * (2.0 * radius + LOOK_AHEAD));
                 (across * across + rest).sqrt() - across
             }
-            (None, Some(rod)) => rod.reach([offset(0), offset(1), offset(2)], pairs, side, ahead),
+            (None, Some(rod)) => rod.reach(
+                [offset(0), offset(1), offset(2)],
+                &pairs.normal,
+                side,
+                ahead,
+            ),
             (None, None) => F32x4::splat(LOOK_AHEAD) / cosine.max(F32x4::splat(LEAST_COSINE)),
         };
         let place = |axis: usize| {
