@@ -209,7 +209,8 @@ fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     ]
 }
 
-/// Which nodes are inside: along each line of nodes parallel to x, triangles that face back are ways in, others ways out.
+/// Which nodes are inside: along each line of nodes parallel to x, triangles that face back are ways in, others ways
+/// out.
 ///
 /// A line that meets an edge or a corner counts as one that passes a little to one side of it, the same for all
 /// triangles there, so that it crosses one of them and not none or two.

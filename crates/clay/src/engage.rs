@@ -5,10 +5,10 @@
 //! ```
 //!
 //! with `n` the outward normal, `d` the direction of motion and `e` 1 where clay stands ahead, 0 where air does. A ball
-//! wholly in clay has `pi r^2`, a blade its width times the depth of cut, an upright cylinder its diameter times that, a
-//! loop drawn flat through clay the ring of its wire, `2 pi R d` for a wire of thickness `d`. The integral is a sum over points that are
-//! fixed in the tool, so what is summed does not depend on the speed, and a removed volume never has to be divided by a
-//! small step.
+//! wholly in clay has `pi r^2`, a blade its width times the depth of cut, an upright cylinder its diameter times that,
+//! a loop drawn flat through clay the ring of its wire, `2 pi R d` for a wire of thickness `d`. The integral is a sum
+//! over points that are fixed in the tool, so what is summed does not depend on the speed, and a removed volume never
+//! has to be divided by a small step.
 //!
 //! `e` is read where, going from a point of the face in the direction of motion, one voxel ([`LOOK_AHEAD_VOXELS`]) lies
 //! between the place and the face: straight ahead that is one voxel on, towards the rim of a ball some voxels. Seen

@@ -9,8 +9,8 @@ use crate::pose::Pose;
 use crate::tool::ToolError;
 
 impl Clay {
-    /// Whether a mesh is thick enough to cut this clay cleanly where it is thickest. Its edges cut less than all in their
-    /// way, as far as they are thinner.
+    /// Whether a mesh is thick enough to cut this clay cleanly where it is thickest. Its edges cut less than all in
+    /// their way, as far as they are thinner.
     ///
     /// # Errors
     /// When the largest ball within it is thinner than two voxels.

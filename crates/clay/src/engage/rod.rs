@@ -49,7 +49,8 @@ impl RodFaces {
         }
     }
 
-    /// Area of a cylinder seen along a direction, m². That of a wire, parts of which hide others, is left to its points.
+    /// Area of a cylinder seen along a direction, m². That of a wire, parts of which hide others, is left to its
+    /// points.
     pub(super) fn seen_m2(&self, ahead: [f32; 3]) -> Option<f64> {
         if self.is_wire {
             return None;
