@@ -1,13 +1,13 @@
 //! When a tick is due, so that what it works on has waited little for it.
 //!
 //! Two threads that tick at the same rate, each by its own clock, meet at a phase that chance gave them: a frame waits
-//! for the other side's tick half a period on average, and as the clocks drift, every wait comes by. [`PhaseLock`] moves
-//! the deadlines of one of the two, slowly, until frames come shortly before them. Only the tool side has one. A handle
-//! keeps the time of its device, so there is one master, and nothing to oscillate.
+//! for the other side's tick half a period on average, and as the clocks drift, every wait comes by. [`PhaseLock`]
+//! moves the deadlines of one of the two, slowly, until frames come shortly before them. Only the tool side has one. A
+//! handle keeps the time of its device, so there is one master, and nothing to oscillate.
 //!
 //! With several tools, each of whose handles has a phase of its own, the deadline follows the one of them for which the
-//! sum of all waits is least. Tools whose frames scatter by more than an eighth of a period are followed by nobody: their
-//! waits are chance at any phase.
+//! sum of all waits is least. Tools whose frames scatter by more than an eighth of a period are followed by nobody:
+//! their waits are chance at any phase.
 
 /// How far a deadline moves in a tick at most, as a share of the period: the rate stays within this of its own.
 pub const MOST_SHIFT: f64 = 5e-4;
