@@ -29,9 +29,6 @@ use sampler::Sampler;
 /// How far from its faces a tool feels for clay, in voxels: where a cut's ramp ends and the clay ahead is whole.
 pub const LOOK_AHEAD_VOXELS: f64 = 1.0;
 
-/// How far from a tool's faces clay is felt at most, in voxels: straight ahead of one that slants against the motion.
-pub const FARTHEST_FELT_VOXELS: f64 = LOOK_AHEAD_VOXELS / sampler::LEAST_COSINE as f64;
-
 /// Directions whose cosine is above this share the points that are felt.
 const NEARLY_PARALLEL: f64 = 0.98;
 

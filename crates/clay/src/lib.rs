@@ -40,7 +40,7 @@ mod sweep;
 mod tool;
 
 pub use clay::{Clay, ReplaceError, UNITS_PER_VOXEL, Worked};
-pub use engage::{FARTHEST_FELT_VOXELS, LOOK_AHEAD_VOXELS, Tool, row_spacing_m};
+pub use engage::{LOOK_AHEAD_VOXELS, Tool, row_spacing_m};
 pub use field::{BrickView, SOLID};
 pub use grid::{
     BRICK_EDGE, BRICK_VOXELS, BrickIndex, Grid, GridError, MAX_AXIS_VOXELS, MAX_VOXEL_SIZE_M,

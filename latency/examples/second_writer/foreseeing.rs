@@ -420,7 +420,7 @@ fn narrowed(shape: &ToolShape, by_m: f64) -> ToolShape {
 /// Whether a cut can change what a tool at `pose` feels, as the copy has it for corrections.
 fn touches(setup: &ToolSetup, cut: &Cut, pose: Pose, voxel_size_m: f64) -> bool {
     let extents_m = setup.tool.shape().extents_m();
-    let margin_m = (teleclay_clay::FARTHEST_FELT_VOXELS + 3.0) * voxel_size_m;
+    let margin_m = (teleclay_clay::LOOK_AHEAD_VOXELS + 3.0) * voxel_size_m;
     let (from, to, at) = (
         cut.from.position_m(),
         cut.to.position_m(),

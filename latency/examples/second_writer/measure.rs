@@ -193,25 +193,28 @@ mod tests {
         (felt, rig, controllers.told())
     }
 
-    /// The second field and the second limiter are those of the replica: without a forecast they show it in nothing.
+    /// The second field and the second limiter are those of the replica: without a forecast they show it, but for what
+    /// a cut beyond the copy's own bound of being near changes of the force of a tool that slants.
     #[test]
-    fn without_a_forecast_the_hand_feels_the_replica_to_the_last_bit() {
+    fn without_a_forecast_the_hand_feels_the_replica() {
+        const SLANT_N: f64 = 1e-3;
         for motion in [Motion::Pushes, Motion::Stops] {
             let mut rig = motions::rig(motion, &cell(25), 7, Arc::new(Scheme::Replica)).unwrap();
             let mut plain = Felt::new();
             motions::work(&mut rig, motion, 7, |rig| plain.push(forces(rig)));
             let (felt, layered, told) = felt(motion, Law::None);
-            let differs = plain
-                .iter()
-                .zip(&felt)
-                .position(|(plain, felt)| plain != felt);
-            let at = differs.map(|tick| (plain[tick], felt[tick]));
-            assert_eq!(differs, None, "{}: {at:?}", motion.word());
+            assert_eq!(plain.len(), felt.len());
+            let pairs = plain.iter().flatten().zip(felt.iter().flatten());
+            let off_n = pairs
+                .map(|(plain, felt)| (plain[0] - felt[0]).hypot(plain[1] - felt[1]))
+                .fold(0.0, f64::max);
+            println!("{}: off by {off_n} N at most", motion.word());
+            assert!(off_n < SLANT_N, "{}: {off_n} N", motion.word());
             for (slot, told) in told.iter().enumerate() {
                 let copy = layered.handle_of(slot).clay_copy().and_then(ClayCopy::copy);
                 let limiter = copy.unwrap().limiter();
-                assert!(0.0 < limiter.moved_n(), "nothing was corrected");
-                assert!((told.moved_n - limiter.moved_n()).abs() < 1e-12);
+                assert!(0.1 < limiter.moved_n(), "nothing was corrected");
+                assert!((told.moved_n / limiter.moved_n() - 1.0).abs() < 0.01);
             }
         }
     }

@@ -9,7 +9,7 @@ use crate::pose::Pose;
 
 /// A flat face that slants more than this against the motion is felt nearer than [`LOOK_AHEAD_VOXELS`], so as not to
 /// reach far beyond its edge. Little of it counts.
-pub(super) const LEAST_COSINE: f32 = 0.25;
+const LEAST_COSINE: f32 = 0.25;
 
 /// Interpolated occupancy from which on clay counts as standing ahead in full, and below which it does not count, as
 /// shares of solid. In between lies the edge of clay, at half; but nearly all of it is above, as half is also what the

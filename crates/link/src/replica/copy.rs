@@ -326,7 +326,7 @@ fn sweep(setup: &ToolSetup, cut: Cut) -> Sweep {
 }
 
 /// Whether a cut can have changed what a tool at `pose` feels: the boxes around the two, with the ramp of a cut's edge
-/// and what a tool feels ahead of itself, and between which voxels, overlap.
+/// and what a tool feels ahead of itself, overlap.
 fn touches(setup: &ToolSetup, cut: &Cut, pose: Pose, voxel_size_m: f64) -> bool {
     let extents_m = setup.tool.shape().extents_m();
     let margin_m = (teleclay_clay::LOOK_AHEAD_VOXELS + 3.0) * voxel_size_m;
@@ -340,73 +340,4 @@ fn touches(setup: &ToolSetup, cut: &Cut, pose: Pose, voxel_size_m: f64) -> bool 
         from[axis].min(to[axis]) - reach_m <= at[axis]
             && at[axis] <= from[axis].max(to[axis]) + reach_m
     })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use proptest::prelude::*;
-    use teleclay_clay::{Shape, ToolShape};
-
-    const VOXEL_M: f64 = 1e-3;
-    const SIZE_M: [f64; 3] = [0.096, 0.096, 0.096];
-
-    fn setup(shape: ToolShape) -> ToolSetup {
-        ToolSetup {
-            home: Vec3::zeros(),
-            motion_limits: MotionLimits {
-                tick_s: 1e-3,
-                reach: [Vec3::repeat(-1.0), Vec3::repeat(1.0)],
-                speed_m_s: 1.0,
-            },
-            is_lifted: false,
-            tool: Tool::new(shape),
-            material: Material::default(),
-            force_limit_n: 20.0,
-            ramp_s: 0.05,
-        }
-    }
-
-    proptest! {
-        #![proptest_config(ProptestConfig::with_cases(512))]
-
-        /// What another one's cut changes of the felt force has to pass the correction limiter, so it must count as
-        /// near. Cuts are tried ahead of it, about where its reach
-        /// ends, of tools that move at a slant.
-        #[test]
-        fn a_cut_that_changes_the_felt_force_touches_the_tool(
-            radius_m in prop::option::weighted(0.3, 0.002..0.012),
-            slant in prop::array::uniform3(-0.5..0.5_f64),
-            axis in 0..3_usize,
-            beyond_voxels in 2.0..9.0_f64,
-            is_below in any::<bool>(),
-            aside in prop::array::uniform3(-0.002..0.002),
-        ) {
-            let shape = match radius_m {
-                Some(radius_m) => ToolShape::ball(radius_m).unwrap(),
-                None => ToolShape::paper_blade(),
-            };
-            let setup = setup(shape);
-            let mut clay = Clay::new(&Shape::Block { size_m: SIZE_M }, VOXEL_M).unwrap();
-            let at_m = [0.048, 0.048, 0.030];
-            let at = Pose::quantise(at_m).unwrap();
-            let mut other_m: [f64; 3] = std::array::from_fn(|other| at_m[other] + aside[other]);
-            let reach_m = shape.extents_m()[axis] + beyond_voxels * VOXEL_M;
-            other_m[axis] += if is_below { -reach_m } else { reach_m };
-            let other = Pose::quantise(other_m).unwrap();
-            let mut direction = Vec3::from(slant);
-            direction[axis] = if is_below { -1.0 } else { 1.0 };
-            let velocity = direction.normalize() * 0.05;
-            let motion = Motion::new(at, at, velocity.into()).unwrap();
-            let feel = |clay: &Clay| {
-                let mut contact = ContactState::default();
-                clay.feel(&setup.tool, &setup.material, &motion, &mut contact).force_n
-            };
-            clay.carve(&sweep(&setup, Cut { from: at, to: at }));
-            let before_n = feel(&clay);
-            let cut = Cut { from: other, to: other };
-            clay.carve(&sweep(&setup, cut));
-            prop_assert!(feel(&clay) == before_n || touches(&setup, &cut, at, VOXEL_M));
-        }
-    }
 }
