@@ -414,6 +414,8 @@ fn narrowed(shape: &ToolShape, by_m: f64) -> ToolShape {
             thickness_m: blade.thickness_m(),
         })
         .map_or(*shape, ToolShape::Blade),
+        // No motion here has another one.
+        ToolShape::Cylinder(_) | ToolShape::Loop(_) => *shape,
     }
 }
 
