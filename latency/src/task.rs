@@ -5,11 +5,13 @@
 //! 2·10⁵ N s/m³. At that depth the clay resists with 40 N s/m, the middle of the paper's three. What the muscles do is
 //! fixed by the seed, whatever the scheme and the line; where that takes the hand is the loop's doing.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use teleclay_clay::{Clay, Shape};
+use teleclay_link::scheme::Controllers;
 use teleclay_operator::Intent;
 use teleclay_proto::join::LoopParameters;
 use teleclay_proto::{Axes, Material, ToolDescription};
@@ -44,6 +46,18 @@ pub const CALM: Duration = Duration::from_millis(2500);
 /// # Errors
 /// Does not happen with the constants of this module; told rather than hidden.
 pub fn rig(cell: &Cell, seed: u64) -> Result<Rig, RigError> {
+    rig_with(cell, seed, cell.scheme.controllers())
+}
+
+/// A rig for one run, at rest, with controllers that somebody has made for the cell's scheme.
+///
+/// # Errors
+/// Likewise.
+pub fn rig_with(
+    cell: &Cell,
+    seed: u64,
+    controllers: Arc<dyn Controllers>,
+) -> Result<Rig, RigError> {
     let home_m = [BLOCK_M[0] / 2.0, BLOCK_M[1] / 2.0, BLOCK_M[2] - DEPTH_M];
     let setup = Setup {
         parameters: LoopParameters {
@@ -75,7 +89,7 @@ pub fn rig(cell: &Cell, seed: u64) -> Result<Rig, RigError> {
         }],
         _ => Vec::new(),
     };
-    Rig::with_controllers(setup, further, cell.scheme.controllers())
+    Rig::with_controllers(setup, further, controllers)
 }
 
 /// What the muscles of every operator do, one push after another.
