@@ -1,7 +1,7 @@
 //! The rooms, and which of them each one uses.
 
 /// Which rooms each room uses, tests of it included: exactly these.
-pub(crate) const USES: [(&str, &[&str]); 39] = [
+pub(crate) const USES: [(&str, &[&str]); 40] = [
     ("control", &[]),
     ("kinematics", &[]),
     ("clay", &[]),
@@ -19,7 +19,8 @@ pub(crate) const USES: [(&str, &[&str]); 39] = [
     ("foxglove", &[]),
     ("doors", &["channel", "proto"]),
     ("front", &["doors"]),
-    ("page", &["clay", "control", "kinematics", "wire"]),
+    ("page", &["clay", "wire"]),
+    ("mathematics", &["control", "kinematics"]),
     ("operator", &["control", "device", "kinematics"]),
     ("link", &["clay", "control", "proto"]),
     ("bilateral", &["clay", "control", "device", "link", "proto"]),

@@ -113,6 +113,7 @@ fn wasm() -> Result<()> {
         "proto",
         "channel/seal",
         "client-web/wasm",
+        "client-web/mathematics",
         "client-web/hand",
     ]
     .map(|folder| root().join(folder));

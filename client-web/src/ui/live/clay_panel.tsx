@@ -5,10 +5,10 @@ import type { JSX } from "preact";
 import { useEffect, useRef } from "preact/hooks";
 import type { HandState } from "../../protocol/hand_module";
 import { Channel } from "../../protocol/telemetry";
-import { ClayView, type Look, type ViewColours } from "../../scene/view";
+import type { ClayView, Look, ViewColours } from "../../scene/view";
 import { onFrame } from "../frame";
 import { wantedQuality } from "../picture_quality";
-import { DRAWN, SceneCanvas, type Standing } from "../scene_canvas";
+import { DRAWN, type Make, SceneCanvas, type Standing } from "../scene_canvas";
 import { clayFeed, live, operating, past } from "../store";
 import { isDark } from "../theme";
 import { arrowScale } from "./arrow_scale";
@@ -46,7 +46,7 @@ export function ClayPanel(): JSX.Element {
       <SceneCanvas
         test="clay"
         label="The clay as it is being cut, with the tool and the forces on it. Arrow keys move the view, with shift they turn it"
-        make={(canvas, sight) => new ClayView(canvas, wantedQuality(), sight)}
+        load={loadView}
         run={(created, canvas) => {
           const ends = [
             clayFeed.watch((update) => created.applyClay(update)),
@@ -77,6 +77,11 @@ export function ClayPanel(): JSX.Element {
       </div>
     </section>
   );
+}
+
+async function loadView(): Promise<Make<ClayView>> {
+  const { ClayView } = await import("../../scene/view");
+  return (canvas, sight) => new ClayView(canvas, wantedQuality(), sight);
 }
 
 const looks: readonly Look[] = ["corner", "front", "side", "top"];
