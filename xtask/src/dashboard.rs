@@ -18,7 +18,11 @@ use crate::workspace::{root, target};
 const PACKAGE_FILES: [&str; 3] = ["package.json", "package-lock.json", ".npmrc"];
 
 /// What the modules of WebAssembly are built into.
-const MODULES: [&str; 2] = ["generated/page.wasm", "generated/hand.wasm"];
+const MODULES: [&str; 3] = [
+    "generated/page.wasm",
+    "generated/hand.wasm",
+    "generated/film.wasm",
+];
 
 /// Prepares and builds client-web/dist, each only when needed.
 pub(crate) fn build() -> Result<()> {

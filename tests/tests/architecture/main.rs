@@ -20,12 +20,13 @@ const SEE_EVERYTHING: [&str; 4] = [
 ];
 
 /// Where code knows no clock, thread, file, socket or global chance.
-const PURE: [&str; 5] = [
+const PURE: [&str; 6] = [
     "crates",
     "proto",
     "channel/seal",
     "client-web/wasm",
     "client-web/hand",
+    "client-web/film",
 ];
 
 /// Mathematics, matter, and what else the dashboard's module is made of: they bring nothing along that knows JSON.

@@ -1,7 +1,7 @@
 //! The rooms, and which of them each one uses.
 
 /// Which rooms each room uses, tests of it included: exactly these.
-pub(crate) const USES: [(&str, &[&str]); 39] = [
+pub(crate) const USES: [(&str, &[&str]); 41] = [
     ("control", &[]),
     ("kinematics", &[]),
     ("clay", &[]),
@@ -20,6 +20,8 @@ pub(crate) const USES: [(&str, &[&str]); 39] = [
     ("doors", &["channel", "proto"]),
     ("front", &["doors"]),
     ("page", &["clay", "control", "kinematics", "wire"]),
+    ("reel", &["clay", "history", "ros", "session"]),
+    ("film", &["clay", "reel", "wire"]),
     ("operator", &["control", "device", "kinematics"]),
     ("link", &["clay", "control", "proto"]),
     ("bilateral", &["clay", "control", "device", "link", "proto"]),
@@ -83,6 +85,7 @@ pub(crate) const USES: [(&str, &[&str]); 39] = [
             "history",
             "link",
             "proto",
+            "reel",
             "ros",
             "session",
         ],
@@ -97,6 +100,7 @@ pub(crate) const USES: [(&str, &[&str]); 39] = [
             "operator",
             "proto",
             "recording",
+            "reel",
             "session",
             "sim",
         ],

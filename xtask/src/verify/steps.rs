@@ -114,6 +114,7 @@ fn wasm() -> Result<()> {
         "channel/seal",
         "client-web/wasm",
         "client-web/hand",
+        "client-web/film",
     ]
     .map(|folder| root().join(folder));
     let mut members = members()?;

@@ -79,7 +79,7 @@ export function ClayPanel(): JSX.Element {
   );
 }
 
-const looks: readonly Look[] = ["corner", "front", "side", "top"];
+export const looks: readonly Look[] = ["corner", "front", "side", "top"];
 
 /** How often the picture is drawn, or why it is not. */
 function paceOf(standing: Standing, { frames_per_s, resolution }: { frames_per_s: number; resolution: number }): string {
@@ -89,7 +89,7 @@ function paceOf(standing: Standing, { frames_per_s, resolution }: { frames_per_s
 }
 
 /** What the arrows' length means. */
-function ArrowKey({ mm_per_n }: { mm_per_n: number }): JSX.Element {
+export function ArrowKey({ mm_per_n }: { mm_per_n: number }): JSX.Element {
   const newtons = 10 / mm_per_n;
   return (
     <span class="key">
@@ -100,7 +100,7 @@ function ArrowKey({ mm_per_n }: { mm_per_n: number }): JSX.Element {
   );
 }
 
-function followSize(canvas: HTMLCanvasElement, view: ClayView): () => void {
+export function followSize(canvas: HTMLCanvasElement, view: ClayView): () => void {
   const frame = canvas.parentElement ?? canvas;
   const observer = new ResizeObserver(() => {
     const { clientWidth, clientHeight } = frame;
@@ -150,7 +150,7 @@ function followLoop(
   });
 }
 
-function coloursOf(element: Element): ViewColours {
+export function coloursOf(element: Element): ViewColours {
   const style = getComputedStyle(element);
   const colour = (name: string): string => style.getPropertyValue(name).trim();
   return {
