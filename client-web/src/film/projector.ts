@@ -10,7 +10,7 @@ const TELL_MS = 200;
 const BREATHE_MS = 20;
 
 export interface Hall {
-  readonly module: FilmModule;
+  readonly module: Pick<FilmModule, "push" | "seek" | "give" | "facts" | "moment" | "envelope" | "bricks">;
   readonly source: Source;
   readonly post: (message: FromFilm) => void;
   readonly now_ms: () => number;

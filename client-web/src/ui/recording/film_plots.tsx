@@ -111,7 +111,7 @@ function FilmStrip({ film, tool, spec, axis, span }: StripProps): JSX.Element {
 
   useSignalEffect(() => {
     const drawn = film.plots.value.get(spec.name);
-    if (chart.value === undefined || drawn === undefined || drawn.envelopes.length !== terms.value.length) return;
+    if (chart.value === undefined || drawn?.envelopes.length !== terms.value.length) return;
     const at_s = film.moment.value?.at_s;
     chart.value.point(at_s, valuesOf(film, tool, terms.value));
     chart.value.draw(pointsOf(terms.value, drawn.plot, drawn.envelopes), { ...drawn.plot, clock: "session" });

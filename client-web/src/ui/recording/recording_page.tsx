@@ -1,6 +1,6 @@
 // The Recording page: a recording of the server's, or a file from this machine, at any moment of it.
 
-import { effect, signal, useComputed, useSignal } from "@preact/signals";
+import { signal, useComputed, useSignal } from "@preact/signals";
 import type { JSX } from "preact";
 import { useEffect } from "preact/hooks";
 import type { Place } from "../../film/port";
@@ -10,8 +10,7 @@ import { saidIn } from "../../state/api";
 import { Film } from "../../state/film";
 import { authorization, browser } from "../browser";
 import { FilmFeed } from "../film_feed";
-import { dataSize, fixed } from "../format";
-import { clock } from "../format";
+import { clock, dataSize, fixed } from "../format";
 import { addressOfRecording, live, wordInAddress } from "../store";
 import { FilmBar } from "./film_bar";
 import { FilmPlots } from "./film_plots";
@@ -33,6 +32,8 @@ const shown = signal<Shown | undefined>(undefined);
 /** Why nothing is opened. */
 const refusal = signal<string | undefined>(undefined);
 let opened = 0;
+/** Counts what was asked for. */
+let asked = 0;
 
 function show(place: Place, grows: boolean, title: string, readOn?: (film: Film) => void): void {
   shown.peek()?.film.end();
@@ -42,6 +43,7 @@ function show(place: Place, grows: boolean, title: string, readOn?: (film: Film)
 }
 
 function close(): void {
+  asked += 1;
   shown.peek()?.film.end();
   shown.value = undefined;
 }
@@ -65,7 +67,11 @@ async function openRecording(session: string, recording: string): Promise<void> 
     const found = list.find(({ id }) => id === recording);
     return found === undefined ? `session ${session} has no recording ${recording}` : found.state === "recording";
   };
+  asked += 1;
+  const number = asked;
   const grows = await goesOn();
+  // Somebody has left, or wants another one by now.
+  if (number !== asked) return;
   if (typeof grows === "string") {
     refusal.value = grows;
     return;
@@ -77,18 +83,15 @@ async function openRecording(session: string, recording: string): Promise<void> 
 }
 
 export function RecordingPage(): JSX.Element {
-  const address = useSignal(location.hash);
   useEffect(() => {
-    const follow = (): void => { address.value = location.hash; };
-    addEventListener("hashchange", follow);
-    const end = effect(() => {
-      void address.value;
+    const follow = (): void => {
       const [session, recording] = [wordInAddress("session"), wordInAddress("recording")];
       if (session !== undefined && recording !== undefined) void openRecording(session, recording);
-    });
+    };
+    follow();
+    addEventListener("hashchange", follow);
     return () => {
       removeEventListener("hashchange", follow);
-      end();
       close();
     };
   }, []);
@@ -233,18 +236,24 @@ function OpenFile(): JSX.Element {
 /** What there is to be opened. */
 function Choice(): JSX.Element {
   const session = useComputed(() => live.session.value?.id).value;
-  const list = useSignal<readonly Recording[] | string | undefined>(undefined);
+  const list = useSignal<readonly Recording[] | undefined>(undefined);
+  const because = useSignal<string | undefined>(undefined);
   useEffect(() => {
     list.value = undefined;
-    if (session !== undefined) void recordingsOf(session).then((found) => { list.value = found; });
+    because.value = undefined;
+    if (session === undefined) return;
+    void recordingsOf(session).then((found) => {
+      if (typeof found === "string") because.value = found;
+      else list.value = found;
+    });
   }, [session]);
   const found = list.value;
   return (
     <section class="panel reel-choice" aria-label="Recordings">
       <h2>Look at a recording</h2>
       {refusal.value !== undefined && <p class="refusal" role="alert" data-testid="reel-refusal">{refusal.value}.</p>}
-      {typeof found === "string" && <p class="refusal" role="alert">{found}.</p>}
-      {Array.isArray(found) && (found.length === 0
+      {because.value !== undefined && <p class="refusal" role="alert">{because.value}.</p>}
+      {found !== undefined && (found.length === 0
         ? <p class="faint">Session {session} has no recording. <em>Record</em> on the Live page begins one.</p>
         : (
           <ul>
