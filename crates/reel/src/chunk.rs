@@ -59,9 +59,8 @@ impl Chunk {
             "lz4" => {
                 let mut bytes = Vec::with_capacity(need as usize);
                 // One byte more than is told would show that it tells too little.
-                let read = FrameDecoder::new(&data[..]).take(need + 1);
-                { read }
-                    .read_to_end(&mut bytes)
+                let mut read = FrameDecoder::new(&data[..]).take(need + 1);
+                read.read_to_end(&mut bytes)
                     .map_err(|error| damaged(&error.to_string()))?;
                 bytes
             }
