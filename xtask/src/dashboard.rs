@@ -95,7 +95,7 @@ fn folder() -> PathBuf {
 /// Every file that the build may read; the browser's tests are none of them, and of the modules only what was built.
 fn sources(folder: &Path) -> Result<Vec<PathBuf>> {
     let mut files = files_of_ours(folder, &[])?;
-    let others = ["browser", "hand", "wasm"].map(|name| folder.join(name));
+    let others = ["browser", "film", "hand", "wasm"].map(|name| folder.join(name));
     files.retain(|file| !others.iter().any(|other| file.starts_with(other)));
     Ok(files)
 }
