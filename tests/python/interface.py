@@ -289,8 +289,25 @@ def check_recordings(interface, one):
     interface.expect(answer, {200})
     if not answer.body.startswith(b"\x89MCAP0\r\n") or not answer.body.endswith(b"\x89MCAP0\r\n"):
         interface.faults.append("a recording that has ended is no whole MCAP file")
+    check_ranges(interface, f"{path}/first.mcap", answer.body)
     interface.expect(interface.ask("POST", path, {"name": "first"}), {409})
     interface.expect(interface.send("DELETE", f"{path}/first"), {204})
+
+
+def check_ranges(interface, path, whole):
+    """Bytes of a file: those that are asked for, or all of them where another kind of range is."""
+    for text, status, wanted in [
+        ("bytes=0-7", 206, whole[:8]),
+        ("bytes=-8", 206, whole[-8:]),
+        (f"bytes={len(whole) - 3}-{len(whole) + 90}", 206, whole[-3:]),
+        (f"bytes={len(whole)}-", 416, None),
+        ("bytes=0-1,4-5", 200, whole),
+        ("lines=0-1", 200, whole),
+    ]:
+        answer = interface.send("GET", path, headers={"Range": text})
+        interface.expect(answer, {status})
+        if wanted is not None and answer.body != wanted:
+            interface.faults.append(f"Range: {text} is answered with other bytes")
 
 
 def check_import(interface, path):

@@ -18,10 +18,11 @@ use crate::workspace::{root, target};
 const PACKAGE_FILES: [&str; 3] = ["package.json", "package-lock.json", ".npmrc"];
 
 /// What the modules of WebAssembly are built into.
-const MODULES: [&str; 3] = [
+const MODULES: [&str; 4] = [
     "generated/page.wasm",
     "generated/mathematics.wasm",
     "generated/hand.wasm",
+    "generated/film.wasm",
 ];
 
 /// Prepares and builds client-web/dist, each only when needed.
@@ -95,7 +96,7 @@ fn folder() -> PathBuf {
 /// Every file that the build may read; the browser's tests are none of them, and of the modules only what was built.
 fn sources(folder: &Path) -> Result<Vec<PathBuf>> {
     let mut files = files_of_ours(folder, &[])?;
-    let others = ["browser", "hand", "mathematics", "wasm"].map(|name| folder.join(name));
+    let others = ["browser", "film", "hand", "mathematics", "wasm"].map(|name| folder.join(name));
     files.retain(|file| !others.iter().any(|other| file.starts_with(other)));
     Ok(files)
 }

@@ -12,6 +12,7 @@
 //! | [`guard`] | host, origin and token |
 //! | [`problem`] | every way to fail |
 //! | [`body`] | what comes in, checked |
+//! | [`range`] | which part of a file is asked for |
 //! | [`http_metrics`] | what the interface counts of itself |
 //!
 //! A request passes, from the outside in: headers for the answer, the count, a net for panics, the time limit, host and
@@ -33,6 +34,7 @@ mod metrics;
 mod openapi;
 mod pages;
 mod problem;
+mod range;
 mod recordings;
 mod sessions;
 mod socket;

@@ -93,6 +93,8 @@ kinds! {
         "Bodies are JSON: send Content-Type: application/json and no Content-Encoding.";
     HOST = MISDIRECTED_REQUEST "host", "this server does not go by that name",
         "Without a token the server answers only to localhost and loopback addresses, so that no name of somebody else's can be pointed at it.";
+    RANGE = RANGE_NOT_SATISFIABLE "range", "the file has no such bytes",
+        "A Range names bytes from 0 on; the header Content-Range of the answer says how many the file has.";
     FIELD = UNPROCESSABLE_ENTITY "field", "a field is not acceptable",
         "The pointer names the field; it is unknown, missing, of another type or out of its range.";
     UNREACHABLE = UNPROCESSABLE_ENTITY "unreachable", "the robot does not reach so far",

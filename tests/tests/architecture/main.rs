@@ -28,6 +28,7 @@ const PURE: [&str; 6] = [
     "client-web/wasm",
     "client-web/mathematics",
     "client-web/hand",
+    "client-web/film",
 ];
 
 /// Mathematics, matter, and what else the dashboard's modules for them are made of: they bring nothing along that knows

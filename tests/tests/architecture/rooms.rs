@@ -1,7 +1,7 @@
 //! The rooms, and which of them each one uses.
 
 /// Which rooms each room uses, tests of it included: exactly these.
-pub(crate) const USES: [(&str, &[&str]); 40] = [
+pub(crate) const USES: [(&str, &[&str]); 42] = [
     ("control", &[]),
     ("kinematics", &[]),
     ("clay", &[]),
@@ -21,6 +21,8 @@ pub(crate) const USES: [(&str, &[&str]); 40] = [
     ("front", &["doors"]),
     ("page", &["clay", "wire"]),
     ("mathematics", &["control", "kinematics"]),
+    ("reel", &["clay", "history", "ros", "session"]),
+    ("film", &["clay", "reel", "wire"]),
     ("operator", &["control", "device", "kinematics"]),
     ("link", &["clay", "control", "proto"]),
     ("bilateral", &["clay", "control", "device", "link", "proto"]),
@@ -84,6 +86,7 @@ pub(crate) const USES: [(&str, &[&str]); 40] = [
             "history",
             "link",
             "proto",
+            "reel",
             "ros",
             "session",
         ],
@@ -98,6 +101,7 @@ pub(crate) const USES: [(&str, &[&str]); 40] = [
             "operator",
             "proto",
             "recording",
+            "reel",
             "session",
             "sim",
         ],

@@ -115,6 +115,7 @@ fn wasm() -> Result<()> {
         "client-web/wasm",
         "client-web/mathematics",
         "client-web/hand",
+        "client-web/film",
     ]
     .map(|folder| root().join(folder));
     let mut members = members()?;
