@@ -22,6 +22,7 @@
 
 mod carve;
 mod changes;
+pub mod classes;
 mod clay;
 mod engage;
 mod field;
@@ -39,6 +40,7 @@ pub mod surface;
 mod sweep;
 mod tool;
 
+pub use classes::{Classes, ClassesError, MAX_CLASSES};
 pub use clay::{Clay, ReplaceError, UNITS_PER_VOXEL, Worked};
 pub use engage::{LOOK_AHEAD_VOXELS, Tool, row_spacing_m};
 pub use field::{BrickView, SOLID};

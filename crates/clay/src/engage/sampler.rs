@@ -1,5 +1,7 @@
 //! Reads the clay in front of a tool.
 
+mod classed;
+
 use super::LOOK_AHEAD_VOXELS;
 use super::points::{FacePairs, Tool};
 use crate::field::{Field, Reader, SOLID};
@@ -131,12 +133,18 @@ impl<'a> Sampler<'a> {
                 *area_m2 = *area_m2 + engaged_m2 * number;
             }
         }
-        let sum = |lanes: F32x4| lanes.to_array().into_iter().map(f64::from).sum::<f64>();
+        let correction = self.correction(tool, whole_m2);
+        areas_m2.map(|lanes| sum(lanes) * correction)
+    }
+
+    /// From what points in front see, summed, to areas, where they see `whole_m2` in all.
+    #[inline(always)]
+    fn correction(&self, tool: &Tool, whole_m2: F32x4) -> f64 {
         // What a ball's points make of its disc is a little off, by as much whether clay is there or not.
         let correction = tool.radius_m.map_or(1.0, |radius_m| {
             std::f64::consts::PI * radius_m * radius_m / sum(whole_m2)
         });
-        areas_m2.map(|lanes| sum(lanes) * (correction / f64::from(RANGE)))
+        correction / f64::from(RANGE)
     }
 
     /// Where clay is looked for ahead of points, or of their opposites where `side` is -1.
@@ -207,6 +215,10 @@ impl<'a> Sampler<'a> {
         }
         eight
     }
+}
+
+fn sum(lanes: F32x4) -> f64 {
+    lanes.to_array().into_iter().map(f64::from).sum()
 }
 
 /// Occupancy interpolated between the eight voxel centres about places, above what does not count and up to [`RANGE`].
