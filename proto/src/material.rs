@@ -78,10 +78,10 @@ impl Preset {
     pub const fn material(self) -> Material {
         let (viscosity_pa_s_per_m, yield_stress_pa, stiffness_pa) = match self {
             Self::PaperClay => (2e5, 0.0, 0.0),
-            Self::SoftOilClay => (5e4, 3e4, 1e6),
-            Self::FirmClay => (8e4, 7.5e4, 2.5e6),
-            Self::Wax => (2e5, 1.2e5, 1e7),
-            Self::Foam => (1e4, 4e4, 2e6),
+            Self::SoftOilClay => (2e5, 3e4, 3e4),
+            Self::FirmClay => (4e5, 7.5e4, 4e4),
+            Self::Wax => (4e5, 1.2e5, 4e4),
+            Self::Foam => (1e5, 3e4, 2e4),
         };
         Material {
             viscosity_pa_s_per_m,
@@ -97,8 +97,8 @@ impl Preset {
             Self::PaperClay => "the cutting experiment's clay: force grows with speed alone",
             Self::SoftOilClay => "oil clay warmed for modelling: gives way to a light push",
             Self::FirmClay => "water clay that keeps its shape and gives way to a firm push",
-            Self::Wax => "warm modelling wax: stiff, hard to cut, and harder the faster",
-            Self::Foam => "brittle foam that crushes at one force, however fast",
+            Self::Wax => "warm modelling wax: hard to cut, and harder the faster",
+            Self::Foam => "brittle foam that crushes, at a force that hardly grows with speed",
         }
     }
 
@@ -108,20 +108,20 @@ impl Preset {
         match self {
             Self::PaperClay => "[KHMH03]: 20 N·s/m on each square centimetre of blade",
             Self::SoftOilClay => {
-                "estimate: a tenth of the flow stress of plasticine at room temperature [SR00], times 3 for a tool \
-                 [Tab51]; modulus and rate effect estimated"
+                "yield: estimate, a tenth of the flow stress of plasticine at room temperature [SR00], times 3 for a \
+                 tool [T51]; viscosity and stiffness: what a handle can hold"
             }
             Self::FirmClay => {
-                "shear strength 12.5 kPa, of soft soil [TP67], times 6 for a tool [Ske51]; modulus 200 times the \
-                 strength; a tenth more per decade of speed [KM90]"
+                "yield: shear strength 12.5 kPa, between very soft and soft soil [TPM96], times 6 for a tool [S51]; \
+                 viscosity and stiffness: what a handle can hold"
             }
             Self::Wax => {
-                "estimate: hand-warm wax, well below beeswax at room temperature [BBGO06], times 3 for a tool [Tab51]; \
-                 modulus and rate effect estimated"
+                "yield: estimate for hand-warm wax, well below beeswax at room temperature [BBGO06], times 3 for a \
+                 tool [T51]; viscosity and stiffness: what a handle can hold"
             }
             Self::Foam => {
-                "estimate: crushing strength of florists' foam, not raised for a tool, since foam does not spread \
-                 [GA97]; modulus and rate effect estimated"
+                "yield: estimate, crushing strength of florists' foam, not raised for a tool, since foam does not \
+                 spread [GA97]; viscosity and stiffness: what a handle can hold"
             }
         }
     }
