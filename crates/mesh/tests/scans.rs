@@ -402,11 +402,12 @@ fn a_volume_becomes_as_much_clay_as_it_has() {
     ))
     .unwrap();
     let thresholds = Thresholds::new(vec![500.0, 2000.0], vec![material(6e5, 0.0)]).unwrap();
-    for (voxel_m, placement, scale) in [
+    let cases: [(f64, Placement, f64); 3] = [
         (8e-4, Placement::AsIs, 1.0),
         (5e-4, Placement::AsIs, 1.0),
         (1e-3, Placement::Fitted, 64.0 / 48.0),
-    ] {
+    ];
+    for (voxel_m, placement, scale) in cases {
         let grid = Grid::of_voxels(
             if placement == Placement::Fitted {
                 [64; 3]
@@ -552,8 +553,8 @@ fn readers_survive_anything() {
         for read in [read_nrrd, read_metaimage] {
             let Ok(volume) = read(&file) else { continue };
             let sizes = volume.sizes();
-            volume.sample(sizes.map(|size| size - 1));
-            volume.sample([0; 3]);
+            let _ = volume.sample(sizes.map(|size| size - 1));
+            let _ = volume.sample([0; 3]);
             assert!(volume.spacing_m().iter().all(|m| m.is_finite() && 0.0 < *m));
             accepted += 1;
         }

@@ -1,8 +1,8 @@
 //! A volume as clay, by thresholds.
 //!
 //! Below the first threshold is air; from each threshold up to the next is a class of its own. A voxel is as full as it
-//! has places, [`PLACES`] along each axis, at which the volume is at or above the first threshold, and of the class that
-//! most of these are of. Between samples the volume is interpolated, and beyond its outermost samples it goes on, up to
+//! has places, [`PLACES`] along each axis, at which the volume is at or above the first threshold, and of the class of
+//! its middle, or where that is air, of most of these. Between samples the volume is interpolated, and beyond its outermost samples it goes on, up to
 //! its edge, as it is there. A number that is none is air.
 //!
 //! Bricks over which all samples are air, or of one class, are known without looking at their voxels.
@@ -276,9 +276,18 @@ impl Frame {
             }
         }
         let clay: u32 = counts.iter().sum();
-        // The lowest of those that have most.
+        // Of its middle, which is right as often one way as the other; where that is air, of the lowest of those that
+        // have most.
+        let middle = std::array::from_fn(|axis| {
+            self.from[axis] + (voxel[axis] as f64 + 0.5) * self.samples_per_voxel[axis]
+        });
         let most = counts.iter().copied().max().unwrap_or(0);
-        let class = counts.iter().position(|&count| count == most).unwrap_or(0);
+        let class = value(volume, middle)
+            .and_then(|value| thresholds.class(value))
+            .map_or_else(
+                || counts.iter().position(|&count| count == most).unwrap_or(0),
+                usize::from,
+            );
         let occupancy = (clay * u32::from(SOLID) + IN_ALL / 2) / IN_ALL;
         (occupancy as u8, class as u8)
     }
