@@ -15,6 +15,7 @@ use teleclay_clay::{BrickView, Clay};
 use teleclay_keeping::Keeper;
 use teleclay_keeping::keeper::Outbox;
 use teleclay_link::arrivals::ArrivalCounts;
+use teleclay_link::phase::PhaseLock;
 use teleclay_link::time::Timestamp;
 use teleclay_proto::frame::{HandleFrame, ToolFrame};
 use teleclay_proto::http::{ClayShape, MAX_TOOLS};
@@ -247,6 +248,8 @@ pub(crate) struct Engine {
     sessions: Producer<SessionRecord>,
     events: Producer<(u32, Event)>,
     sender: Option<Thread>,
+    /// Has ticks begin shortly after frames come.
+    phase: PhaseLock,
 }
 
 impl Engine {
@@ -261,6 +264,7 @@ impl Engine {
             sessions,
             events,
             sender,
+            phase: PhaseLock::new(TICK.as_nanos() as u64, MAX_SESSIONS * TOOLS),
         };
         let ends = Ends {
             outgoing: outgoing_out,
@@ -344,9 +348,16 @@ impl Machine for Engine {
                 frames,
                 bricks,
             } = &mut **running;
+            let mut newest = [None; TOOLS];
             while let Ok(incoming) = frames.pop() {
                 let arrived = Timestamp::from_nanos(incoming.arrived_ns).min(now);
                 session.handle_frame(arrived, incoming.slot, &incoming.frame);
+                newest[incoming.slot] = Some(now.as_nanos() - arrived.as_nanos());
+            }
+            for (slot, waited_ns) in newest.into_iter().enumerate() {
+                if let Some(waited_ns) = waited_ns {
+                    self.phase.on_frame(phase_key(*number, slot), waited_ns);
+                }
             }
             match tap {
                 Some(tap) => session.tick_heard(now, |slot, arrived, frame| {
@@ -406,6 +417,15 @@ impl Machine for Engine {
         // One that finds no room is counted by the ring.
         let _ = out.record(timing);
     }
+
+    fn shift_ns(&mut self) -> i64 {
+        self.phase.shift_ns()
+    }
+}
+
+/// What the phase lock knows a tool by.
+fn phase_key(session: u32, slot: usize) -> u64 {
+    u64::from(session) << 8 | slot as u64
 }
 
 fn record(session: &Session, number: u32, frames_sent: u64, now: Timestamp) -> SessionRecord {

@@ -48,6 +48,12 @@ pub trait Machine: Send + 'static {
     fn after_tick(&mut self, timing: Timing, out: &mut Out<Self>)
     where
         Self: Sized;
+
+    /// By how much the next deadline is to be later than a period after this one, ns; see [`Next::Shift`]. Asked once a
+    /// tick.
+    fn shift_ns(&mut self) -> i64 {
+        0
+    }
 }
 
 /// How one tick went.
@@ -223,7 +229,10 @@ impl<M: Machine> Realtime<M> {
         {
             reader.unpark();
         }
-        Next::Continue
+        match self.machine.shift_ns() {
+            0 => Next::Continue,
+            shift_ns => Next::Shift(shift_ns),
+        }
     }
 
     /// The machine, where nothing ticks.

@@ -74,6 +74,9 @@ pub struct Tick {
 pub enum Next {
     /// Another tick.
     Continue,
+    /// Another tick, whose deadline, and with it every later one, is so many ns later than it would have been; negative
+    /// for sooner. A thousandth of the period counts at most.
+    Shift(i64),
     /// End the thread.
     Stop,
 }
@@ -158,17 +161,24 @@ fn run(config: &TickerConfig, stop: &AtomicBool, step: &mut impl FnMut(Tick) -> 
         };
         deadline += given_up * period;
         let lateness = Duration::from_nanos(late);
-        if step(Tick {
+        let next = step(Tick {
             number,
             lateness,
             given_up,
-        }) == Next::Stop
-        {
-            return;
-        }
+        });
         number += 1;
-        deadline += period;
+        deadline += match next {
+            Next::Stop => return,
+            Next::Continue => period,
+            Next::Shift(shift_ns) => shifted(period, shift_ns),
+        };
     }
+}
+
+/// A period, longer by a shift; the rate stays within a thousandth of what was asked for whoever shifts.
+fn shifted(period: u64, shift_ns: i64) -> u64 {
+    let most = (period / 1000) as i64;
+    period.saturating_add_signed(shift_ns.clamp(-most, most))
 }
 
 #[cfg(target_os = "linux")]
@@ -269,7 +279,19 @@ mod platform {
 
 #[cfg(test)]
 mod tests {
-    use super::FIFO_PRIORITY;
+    use super::{FIFO_PRIORITY, shifted};
+
+    #[test]
+    fn a_shift_changes_the_rate_by_a_thousandth_at_most() {
+        for (shift_ns, expected) in [
+            (0, 1_000_000),
+            (-500, 999_500),
+            (i64::MAX, 1_001_000),
+            (i64::MIN, 999_000),
+        ] {
+            assert_eq!(shifted(1_000_000, shift_ns), expected);
+        }
+    }
 
     /// A lower limit has the thread refused; a higher one gives more than is asked for.
     #[test]

@@ -5,8 +5,9 @@ use std::time::Duration;
 
 use teleclay_clay::classes::Layer;
 use teleclay_clay::{
-    Ball, Blade, BladeDimensions, Classes, ClassesError, Clay, Coefficients, Material,
+    Ball, Blade, BladeDimensions, Classes, ClassesError, Clay, Coefficients, Cylinder, Material,
     MaterialError, Shape, ShapeError, SteppedBlock, SteppedDimensions, Tool, ToolError, ToolShape,
+    WireLoop,
 };
 use teleclay_control::{
     DiscreteStateSpace, DiscretiseError, Inverse, InverseError, RationalError, RationalFunction,
@@ -79,6 +80,13 @@ pub fn tool_shape(description: &ToolDescription) -> Result<ToolShape, ToolError>
             height_m,
             thickness_m,
         })?),
+        ToolDescription::Cylinder { radius_m, height_m } => {
+            ToolShape::Cylinder(Cylinder::new(radius_m, height_m)?)
+        }
+        ToolDescription::Loop {
+            ring_radius_m,
+            wire_diameter_m,
+        } => ToolShape::Loop(WireLoop::new(ring_radius_m, wire_diameter_m)?),
     })
 }
 

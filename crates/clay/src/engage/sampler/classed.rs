@@ -5,7 +5,7 @@
 //! occupancy: air counts for none, and going from one class into another the force goes from one to the other over a
 //! voxel. The areas of all classes add up to the area without classes.
 
-use super::{BRICK_EDGE, PLACES, SCALE, Sampler, Tool, engaged};
+use super::{BRICK_EDGE, Faces, PLACES, SCALE, Sampler, engaged};
 use crate::classes::{Classes, MAX_CLASSES};
 use crate::lanes::{F32x4, I32x4, LANES};
 
@@ -14,7 +14,7 @@ impl Sampler<'_> {
     pub(in crate::engage) fn class_areas_m2<const N: usize>(
         &self,
         classes: &Classes,
-        tool: &Tool,
+        faces: &Faces,
         ahead: [f64; 3],
         directions: [[f64; 3]; N],
     ) -> [[f64; MAX_CLASSES]; N] {
@@ -23,10 +23,9 @@ impl Sampler<'_> {
         let none = F32x4::splat(0.0);
         let mut sums_m2 = [[0.0; MAX_CLASSES]; N];
         let mut whole_m2 = none;
-        for pairs in &tool.pairs {
+        for pairs in &faces.pairs {
             let (cosine, area_m2) = (pairs.along(ahead), F32x4::load(&pairs.area_m2));
-            let side = cosine.where_below(none, F32x4::splat(-1.0), F32x4::splat(1.0));
-            let cosine = cosine.abs();
+            let (side, cosine) = faces.leading(cosine);
             let seen_m2 = cosine * area_m2;
             if !seen_m2.any_above_0() {
                 continue;
@@ -51,7 +50,7 @@ impl Sampler<'_> {
                 }
             }
         }
-        let correction = self.correction(tool, whole_m2);
+        let correction = Self::correction(faces, ahead, whole_m2);
         sums_m2.map(|sums_m2| sums_m2.map(|sum_m2| sum_m2 * correction))
     }
 }
