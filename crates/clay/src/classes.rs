@@ -10,9 +10,9 @@
 //! As bytes, which are the same for the same classes ([`Classes::encoded`]):
 //!
 //! ```text
-//! version  bricks x, y, z  further  | viscosity  yield  stiffness |  patterns  | runs of a brick |  | count   code |
-//! u8       u16 each        u8       | f64        f64    f64       |  number    | u8 each         |  | number  number
-//!                                     for each further class                     for each pattern     until all are told
+//! version  bricks x, y, z  further  | viscosity  yield  stiffness | patterns | runs of a brick | | count   code   |
+//! u8       u16 each        u8       | f64        f64    f64       | number   | u8 each         | | number  number |
+//!                                     for each further class                   for each pattern    until all are told
 //! ```
 //!
 //! A number is of seven bits a byte, the lowest first, the highest bit set on all but the last. A run is so many equal

@@ -34,8 +34,8 @@
 //! `S = K |u|^2 / 2`. When the area grows, so would the energy of a stretch already there: the stretch is then
 //! shortened to keep the energy, `u0 = u sqrt(K_old / K)`. With `u = u0 + D` less the slide `p`, which points along
 //! `u`, `K u . D >= K (|u|^2 - |u0|^2) / 2 + K u . p >= S - S_old`. So over any closed cycle the tool gives at least
-//! what it takes. Nothing in this asks where `K` and the bound on `K |u|` come from, only that neither is below zero: it
-//! holds whatever happens to the area, and whatever the classes in it.
+//! what it takes. Nothing in this asks where `K` and the bound on `K |u|` come from, only that neither is below zero:
+//! it holds whatever happens to the area, and whatever the classes in it.
 
 use thiserror::Error;
 

@@ -2,8 +2,8 @@
 //!
 //! Below the first threshold is air; from each threshold up to the next is a class of its own. A voxel is as full as it
 //! has places, [`PLACES`] along each axis, at which the volume is at or above the first threshold, and of the class of
-//! its middle, or where that is air, of most of these. Between samples the volume is interpolated, and beyond its outermost samples it goes on, up to
-//! its edge, as it is there. A number that is none is air.
+//! its middle, or where that is air, of most of these. Between samples the volume is interpolated, and beyond its
+//! outermost samples it goes on, up to its edge, as it is there. A number that is none is air.
 //!
 //! Bricks over which all samples are air, or of one class, are known without looking at their voxels.
 
