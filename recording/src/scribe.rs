@@ -22,7 +22,7 @@ use crate::base::{Coming, state_after};
 use crate::error::WriteError;
 use crate::messages::{Beside, Frames, Moved};
 use crate::tap::Feed;
-use crate::tick::{BASE, BRICK, END, Parcel, Seen, TICK, Tick, WHOLE};
+use crate::tick::{BASE, BRICK, CLASSES, END, Parcel, Seen, TICK, Tick, WHOLE};
 
 /// What a chunk holds before it is written: a tenth of a second of two tools.
 const CHUNK_BYTES: u64 = 128 << 10;
@@ -275,6 +275,12 @@ impl<W: Write> Scribe<W> {
                 Some(coming) => coming.add_brick(parcel).ok_or_else(broken),
                 None => Ok(()),
             },
+            CLASSES => {
+                if let Some(coming) = &mut self.state.coming {
+                    coming.add_classes(parcel);
+                }
+                Ok(())
+            }
             WHOLE => match self.state.coming.take() {
                 Some(coming) => self.on_state(coming.finish()?),
                 None => Ok(()),

@@ -30,6 +30,7 @@ mod history;
 mod http_metrics;
 mod import;
 mod manners;
+mod materials;
 mod metrics;
 mod openapi;
 mod pages;
@@ -160,6 +161,7 @@ fn calls_of_version_1() -> OpenApiRouter<Api> {
         .merge(history::routes())
         .merge(import::routes())
         .merge(manners::routes())
+        .merge(materials::routes())
         .merge(recordings::routes())
         .merge(theory::routes())
         .merge(stream::routes())

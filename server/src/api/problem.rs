@@ -111,6 +111,12 @@ kinds! {
         "There is no triangle in it, or no volume.";
     MESH_TOO_LARGE = UNPROCESSABLE_ENTITY "mesh_too_large", "the mesh is larger than the block",
         "The detail gives both sizes. With fit=true it is scaled into the block.";
+    VOLUME = UNPROCESSABLE_ENTITY "volume", "the file is no volume that is read",
+        "The detail says what is wrong with it, or what of it is not read.";
+    VOLUME_EMPTY = UNPROCESSABLE_ENTITY "volume_empty", "the volume has no clay",
+        "Nothing in it is at or above the first threshold.";
+    VOLUME_TOO_LARGE = UNPROCESSABLE_ENTITY "volume_too_large", "the volume is larger than the block",
+        "The detail gives both sizes. With fit=true it is scaled into the block.";
     NO_LOOP = UNPROCESSABLE_ENTITY "no-loop", "these parts make no loop",
         "A compensator or the loop itself cannot be formed of them; the detail says why.";
     UNTUNABLE = UNPROCESSABLE_ENTITY "untunable", "no handle meets the target",
