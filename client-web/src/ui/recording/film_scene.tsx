@@ -4,7 +4,7 @@ import { effect, useComputed, useSignal, useSignalEffect } from "@preact/signals
 import type { JSX } from "preact";
 import { useEffect, useRef } from "preact/hooks";
 import { Channel } from "../../protocol/telemetry";
-import { ClayView } from "../../scene/view";
+import type { ClayView } from "../../scene/view";
 import type { Film } from "../../state/film";
 import { ClayFeed } from "../clay_feed";
 import { fixed } from "../format";
@@ -12,7 +12,7 @@ import { onFrame } from "../frame";
 import { arrowScale } from "../live/arrow_scale";
 import { ArrowKey, coloursOf, followSize, loadClayView, looks } from "../live/clay_panel";
 import { blockOf, length } from "../live/moment";
-import { pictureQuality, wantedQuality } from "../picture_quality";
+import { pictureQuality } from "../picture_quality";
 import { DRAWN, SceneCanvas, type Standing } from "../scene_canvas";
 import { isDark } from "../theme";
 import { othersOf, poseOf, vectorOf } from "./pose";
