@@ -1,6 +1,6 @@
-// How long a cut takes until it is drawn. The cut is the hand's, in its worker, by the hash of its copy of the clay; the
-// picture is made of what the server tells of its own clay, and is there when the frame with the last mesh of the cut is
-// finished. All times are of one clock, since the epoch.
+// How long a cut takes until it is drawn. The cut is the hand's, in its worker, by the hash of its copy of the clay;
+// the picture is made of what the server tells of its own clay, and is there when the frame with the last mesh of the
+// cut is finished. All times are of one clock, since the epoch.
 
 import type { BrowserContext, Page } from "playwright-core";
 import type { Recording } from "./hand_recorder";

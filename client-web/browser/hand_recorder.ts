@@ -1,5 +1,5 @@
-// What the hand's module in a page is told, call by call, and what is felt after each wake: enough to have the very same
-// hand once more elsewhere.
+// What the hand's module in a page is told, call by call, and what is felt after each wake: enough to have the very
+// same hand once more elsewhere.
 
 import type { BrowserContext, Page } from "playwright-core";
 import { fileFor } from "./watched_page";

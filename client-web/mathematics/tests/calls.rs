@@ -24,7 +24,7 @@ fn a_loop_is_calm_below_its_margin_and_grows_above_it() {
     let mut mathematics = Mathematics::default();
     assert_eq!(ask(&mut mathematics, &LOOP, Mathematics::set_loop), DONE);
     assert_eq!(mathematics.find_outlook(0, 0.146), DONE);
-    let [peak, rate, ..] = page
+    let [peak, rate, ..] = mathematics
         .numbers()
         .try_into()
         .map(|found: [f64; 4]| found)

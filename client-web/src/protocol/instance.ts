@@ -1,6 +1,6 @@
-// What all modules of WebAssembly on this page have in common. What crosses is numbers; whatever is longer is copied into
-// a module's memory and out of it. That memory moves when it grows, so every buffer is asked for its place after the
-// call that filled it.
+// What all modules of WebAssembly on this page have in common. What crosses is numbers; whatever is longer is copied
+// into a module's memory and out of it. That memory moves when it grows, so every buffer is asked for its place after
+// the call that filled it.
 
 /** The functions of a module, and its memory. */
 export type Calls<Name extends string> = Readonly<Record<Name, (...numbers: number[]) => number>> & { readonly memory: WebAssembly.Memory };
@@ -27,7 +27,9 @@ export function refusalIn(calls: Calls<"address" | "length">, buffer: number): s
   return new TextDecoder().decode(new Uint8Array(calls.memory.buffer, calls.address(buffer) >>> 0, calls.length(buffer) >>> 0));
 }
 
-/** What a file on its way is compiled to, while it comes. Throws where it does not come, or the browser does not run it. */
+/**
+ * What a file on its way is compiled to, while it comes. Throws where it does not come, or the browser does not run it.
+ */
 export async function instanceFrom(file: Promise<Response>): Promise<WebAssembly.Instance> {
   const response = await file;
   if (!response.ok) throw new Error(`${response.url} answers ${response.status}`);

@@ -1,7 +1,7 @@
 //! Calls from JavaScript, which passes and takes nothing but numbers: whatever is longer lies in buffers of the module.
 //!
-//! What a call is to look at is written into [`Buffer::BytesIn`] first; what it found lies in others until the next call
-//! of its kind. Memory moves when it grows, so a buffer is asked for its address each time. The TypeScript side is
+//! What a call is to look at is written into [`Buffer::BytesIn`] first; what it found lies in others until the next
+//! call of its kind. Memory moves when it grows, so a buffer is asked for its address each time. The TypeScript side is
 //! `client-web/src/protocol/module.ts`; the two change together.
 
 use teleclay_clay::BrickMesh;
