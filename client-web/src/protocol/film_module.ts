@@ -1,9 +1,7 @@
-// The module of WebAssembly that reads recordings (film/src/film.rs): its calls as checked types. What crosses is
-// numbers; whatever is longer is copied into the module's memory and out of it. That memory moves when it grows, so
-// every buffer is asked for its place after the call that filled it.
+// The module of WebAssembly that reads recordings (film/src/film.rs): its calls as checked types.
 
 import { decodeFilmFacts, decodeFilmMoment, type FilmFacts, type FilmMoment } from "./film";
-import { ModuleRefusal } from "./module";
+import { type Calls, callsOf, ModuleRefusal } from "./instance";
 
 /** As `Buffer` of the module counts them. */
 const Buffer = { bytesIn: 0, text: 1, numbers: 2, envelope: 3, bricks: 4 } as const;
@@ -17,8 +15,6 @@ const FUNCTIONS = {
   push: 0, seek: 1, give: 0, tell_recording: 1, tell_moment: 0, find_envelope: 5, tell_clay: 0, next_bricks: 0,
 } as const;
 
-type Exports = Readonly<Record<keyof typeof FUNCTIONS, (...numbers: number[]) => number>> & { readonly memory: WebAssembly.Memory };
-
 /** Bytes of the file that a moment needs. */
 export interface Want {
   readonly offset: number;
@@ -26,15 +22,11 @@ export interface Want {
 }
 
 export class FilmModule {
-  readonly #exports: Exports;
+  readonly #exports: Calls<keyof typeof FUNCTIONS>;
 
   /** Throws where the module is not the one that this page was built with. */
-  constructor({ exports }: WebAssembly.Instance) {
-    for (const name of Object.keys(FUNCTIONS)) {
-      if (typeof exports[name] !== "function") throw new TypeError(`the module has no function ${name}`);
-    }
-    if (!(exports["memory"] instanceof WebAssembly.Memory)) throw new TypeError("the module has no memory");
-    this.#exports = exports as unknown as Exports;
+  constructor(instance: WebAssembly.Instance) {
+    this.#exports = callsOf(instance, FUNCTIONS);
   }
 
   /** Memory that it takes. */
