@@ -16,7 +16,7 @@ const signals = { group: ["@preact/signals-core"], message: "signals belong to s
 const valibot = { group: ["valibot"], message: "data is checked once, in protocol/" };
 const upwards = (...rooms) => ({
   group: rooms.flatMap((room) => [`**/${room}/*`]),
-  message: "rooms import downwards only: protocol < clay, hand, theory < state < scene, plots < ui",
+  message: "rooms import downwards only: protocol < clay, film, hand, theory < state < scene, plots < ui",
 });
 
 // What the platform offers to pages: pure folders get what they need of it as arguments.
@@ -24,7 +24,7 @@ const page = [
   "window", "document", "navigator", "location", "localStorage", "sessionStorage", "history", "screen",
   "requestAnimationFrame", "cancelAnimationFrame", "matchMedia", "fetch", "WebSocket", "Worker", "self",
   "setTimeout", "clearTimeout", "setInterval", "clearInterval", "performance",
-].map((name) => ({ name, message: "protocol/, clay/, hand/, theory/ and state/ touch no DOM, clock or socket: take it as an argument" }));
+].map((name) => ({ name, message: "protocol/, clay/, film/, hand/, theory/ and state/ touch no DOM, clock or socket: take it as an argument" }));
 
 const tests = ["src/**/*.test.ts"];
 
@@ -56,14 +56,15 @@ export default tseslint.config(
     rules: { "@typescript-eslint/consistent-type-assertions": ["error", { assertionStyle: "as" }] },
   },
   {
-    files: ["src/protocol/**/*.ts", "src/clay/**/*.ts", "src/hand/**/*.ts", "src/theory/**/*.ts", "src/state/**/*.ts"],
-    ignores: [...tests, "src/clay/worker.ts", "src/clay/past_worker.ts", "src/hand/worker.ts"],
+    files: ["src/protocol/**/*.ts", "src/clay/**/*.ts", "src/film/**/*.ts", "src/hand/**/*.ts", "src/theory/**/*.ts", "src/state/**/*.ts"],
+    ignores: [...tests, "src/clay/worker.ts", "src/clay/past_worker.ts", "src/film/worker.ts", "src/hand/worker.ts"],
     rules: { "no-restricted-globals": ["error", ...page] },
   },
-  border(["src/protocol/**"], [three, uplot, preact, signals, upwards("clay", "hand", "theory", "state", "scene", "plots", "ui")], tests),
-  border(["src/clay/**"], [three, uplot, preact, signals, valibot, upwards("hand", "theory", "state", "scene", "plots", "ui")], tests),
-  border(["src/hand/**"], [three, uplot, preact, signals, valibot, upwards("clay", "theory", "state", "scene", "plots", "ui")], tests),
-  border(["src/theory/**"], [three, uplot, preact, signals, valibot, upwards("clay", "hand", "state", "scene", "plots", "ui")], tests),
+  border(["src/protocol/**"], [three, uplot, preact, signals, upwards("clay", "film", "hand", "theory", "state", "scene", "plots", "ui")], tests),
+  border(["src/clay/**"], [three, uplot, preact, signals, valibot, upwards("film", "hand", "theory", "state", "scene", "plots", "ui")], tests),
+  border(["src/film/**"], [three, uplot, preact, signals, valibot, upwards("clay", "hand", "theory", "state", "scene", "plots", "ui")], tests),
+  border(["src/hand/**"], [three, uplot, preact, signals, valibot, upwards("clay", "film", "theory", "state", "scene", "plots", "ui")], tests),
+  border(["src/theory/**"], [three, uplot, preact, signals, valibot, upwards("clay", "film", "hand", "state", "scene", "plots", "ui")], tests),
   border(["src/state/**"], [three, uplot, preact, valibot, upwards("scene", "plots", "ui")], tests),
   border(["src/scene/**"], [uplot, preact, signals, valibot, upwards("state", "plots", "ui")], tests),
   border(["src/plots/**"], [three, preact, signals, valibot, upwards("clay", "scene", "ui")], tests),

@@ -3,6 +3,8 @@
 
 import { beforeAll, describe, expect, it } from "vitest";
 import { benchAt } from "./bench";
+import { HandAgain } from "./hand_again";
+import { recordHands, type Recording, recordingOf, type Wake } from "./hand_recorder";
 import type { Teleclay } from "./processes";
 import { until } from "./until";
 import { launch, WatchedPage } from "./watched_page";
@@ -14,9 +16,13 @@ const DRAG_S = 10;
 const opened = benchAt("#/live?session=carving&picture=plain", "nobody");
 let teleclay: Teleclay;
 let page: WatchedPage;
+let recording: Recording;
 beforeAll(async () => {
   ({ teleclay, page } = opened());
   await teleclay.create({ id: "carving", scheme: "replica", tools: 3, network: { up: LINE, down: LINE } });
+  // The same without a network.
+  await teleclay.create({ id: "beside", scheme: "replica", tools: 3 });
+  await recordHands(page.page.context());
   await page.page.reload();
 }, 300_000);
 
@@ -68,6 +74,7 @@ describe("a person in the browser", () => {
     }
     await page.page.mouse.up();
     await grasp(page, "released");
+    recording = await recordingOf(page.page);
     expect((await clay()).removed_units).toBeGreaterThan(before);
     const mean = paces.reduce((sum, pace) => sum + pace, 0) / paces.length;
     process.stdout.write(`loop: ${mean.toFixed(0)} ticks/s on average, ${Math.min(...paces)} to ${Math.max(...paces)} over ${paces.length} looks\n`);
@@ -82,6 +89,26 @@ describe("a person in the browser", () => {
       return shown === (await clay()).hash;
     });
     await page.saying("clay-verdict", "same");
+  });
+
+  it("felt what the same hand feels without a network", async () => {
+    const again = await HandAgain.play(teleclay.url, "beside", recording);
+    try {
+      await again.drain(async () => again.clay_hash === (await teleclay.session("beside")).clay.hash);
+      const error = nrmse(recording.wakes, again.wakes);
+      const felt_n = greatest(recording.wakes);
+      const ticks = recording.wakes.reduce((sum, wake) => sum + wake.ticks, 0);
+      process.stdout.write(`felt: ${(100 * error).toFixed(3)} % apart over ${ticks} ticks, up to ${felt_n.toFixed(2)} N; ` +
+        `clay ${again.clay_hash === (await clay()).hash ? "the same" : "another"}; round trips ${roundTrip(recording.wakes).toFixed(0)} and ${roundTrip(again.wakes).toFixed(1)} ms\n`);
+      expect(again.wakes.slice(0, recording.wakes.length).map(({ ticks }) => ticks)).toEqual(recording.wakes.map(({ ticks }) => ticks));
+      expect(felt_n).toBeGreaterThan(0.1);
+      // One hand had a network, and the other none; of frames that overtake one another the newest counts, so that the
+      // round trip is shorter than twice the mean.
+      expect(roundTrip(recording.wakes) - roundTrip(again.wakes)).toBeGreaterThan(50);
+      expect(error).toBeLessThan(0.01);
+    } finally {
+      again.end();
+    }
   });
 
   it("shares the clay with another page and a handle, asks for a tool, and hands it over", async () => {
@@ -116,3 +143,22 @@ describe("a person in the browser", () => {
   });
 });
 
+type Felt = Pick<Wake, "felt_force_n" | "round_trip_s" | "ticks">;
+const norm = ({ felt_force_n }: Felt): number => Math.hypot(...felt_force_n);
+const greatest = (wakes: readonly Felt[]): number => wakes.reduce((most, wake) => Math.max(most, norm(wake)), 0);
+
+/** Root mean square of the difference, of the greatest of what is the measure; where either is felt. */
+function nrmse(of: readonly Felt[], against: readonly Felt[]): number {
+  const squares = of.flatMap((wake, n) => {
+    const other = against[n];
+    const apart_n = wake.felt_force_n.map((force, axis) => force - other.felt_force_n[axis]);
+    return 0 < norm(wake) + norm(other) ? [apart_n.reduce((sum, part) => sum + part * part, 0)] : [];
+  });
+  return Math.sqrt(squares.reduce((sum, square) => sum + square, 0) / squares.length) / greatest(against);
+}
+
+/** The one in the middle, ms. */
+function roundTrip(wakes: readonly Felt[]): number {
+  const known = wakes.map(({ round_trip_s }) => 1000 * round_trip_s).filter(Number.isFinite).sort((a, b) => a - b);
+  return known[known.length >> 1] ?? Number.NaN;
+}

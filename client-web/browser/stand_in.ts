@@ -11,7 +11,8 @@ import { fakeSession } from "../src/state/fake_session";
 import { StandInLoop } from "./stand_in_loop";
 import { ServerSocket } from "./stand_in_socket";
 
-const DASHBOARD = resolve(process.env["TELECLAY_DASHBOARD_DIR"] ?? join(import.meta.dirname, "../dist"));
+/** The page that is served. */
+export const DASHBOARD = resolve(process.env["TELECLAY_DASHBOARD_DIR"] ?? join(import.meta.dirname, "../dist"));
 const TYPES: Readonly<Record<string, string>> = {
   ".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".wasm": "application/wasm", ".svg": "image/svg+xml", ".json": "application/json",
 };

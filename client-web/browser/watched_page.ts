@@ -1,8 +1,8 @@
 // A page in Chromium that reports what the browser complains about, and pictures that can be compared.
 
-import { chmodSync, mkdirSync, writeFileSync } from "node:fs";
-import { join, resolve } from "node:path";
-import { type Browser, chromium, type Page } from "playwright-core";
+import { chmodSync, mkdirSync, readFileSync, writeFileSync } from "node:fs";
+import { extname, join, resolve } from "node:path";
+import { type Browser, chromium, type Page, type Route } from "playwright-core";
 import { until } from "./until";
 
 const OUT = join(import.meta.dirname, "out");
@@ -20,6 +20,11 @@ const NOBODY_THERE = /net::ERR_(CONNECTION_REFUSED|CONNECTION_RESET|EMPTY_RESPON
 const DASHBOARD = process.env["TELECLAY_DASHBOARD_DIR"];
 /** What the server answers itself all the same. */
 const SERVERS_OWN = /^\/(api|healthz|readyz|metrics|problems)(\/|$)/;
+const TYPES: Readonly<Record<string, string>> = {
+  ".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".wasm": "application/wasm", ".svg": "image/svg+xml", ".json": "application/json",
+};
+/** Isolated, as by the server: its workers sleep to the fraction of a millisecond. */
+const ISOLATED = { "cross-origin-opener-policy": "same-origin", "cross-origin-embedder-policy": "require-corp" };
 
 /** Chromium as root and without a graphics card, talking to nobody. */
 const FLAGS = [
@@ -68,6 +73,19 @@ export function launch(): Promise<Browser> {
   });
 }
 
+/** What answers a request for a file of the page. */
+export async function fileFor(route: Route): Promise<{ headers: Record<string, string>; body: Buffer }> {
+  if (DASHBOARD === undefined) {
+    const response = await route.fetch();
+    // The body is unpacked, and may become another one.
+    const headers = Object.entries(response.headers()).filter(([name]) => !["content-encoding", "content-length"].includes(name));
+    return { headers: Object.fromEntries(headers), body: await response.body() };
+  }
+  const { pathname } = new URL(route.request().url());
+  const file = pathname === "/" ? "/index.html" : pathname;
+  return { headers: { ...ISOLATED, "content-type": TYPES[extname(file)] ?? "application/octet-stream" }, body: readFileSync(join(resolve(DASHBOARD), file)) };
+}
+
 export class WatchedPage {
   readonly page: Page;
   readonly complaints: string[] = [];
@@ -93,11 +111,7 @@ export class WatchedPage {
     context.setDefaultTimeout(PATIENCE_MS);
     if (visit === "later") await context.addInitScript(() => localStorage.setItem("teleclay.tour", "seen"));
     if (DASHBOARD !== undefined) {
-      const folder = resolve(DASHBOARD);
-      await context.route(({ pathname }) => !SERVERS_OWN.test(pathname), (route) => {
-        const { pathname } = new URL(route.request().url());
-        return route.fulfill({ path: join(folder, pathname === "/" ? "index.html" : pathname) });
-      });
+      await context.route(({ pathname }) => !SERVERS_OWN.test(pathname), async (route) => route.fulfill(await fileFor(route)));
     }
     const watched = new WatchedPage(await context.newPage(), await browser.newPage());
     // The page draws as soon as it can, and without a graphics card that may hold up its load event for long.

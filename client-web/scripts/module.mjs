@@ -1,6 +1,8 @@
-// Builds generated/page.wasm, what this page has in common with the server, from wasm/, and generated/hand.wasm, the
-// hand of its worker, from hand/, with the rooms that they are made of. TELECLAY_PAGE_MODULE and TELECLAY_HAND_MODULE
-// name ones that are built already: an image for Node.js has no Rust.
+// Builds what this page has in common with the server, with the rooms that it is made of: generated/page.wasm, the clay
+// on show, from wasm/; generated/mathematics.wasm, that of Stability and Robot, from mathematics/; generated/hand.wasm,
+// the hand of its worker, from hand/; generated/film.wasm, which reads recordings, from film/. TELECLAY_PAGE_MODULE,
+// TELECLAY_MATHEMATICS_MODULE, TELECLAY_HAND_MODULE and TELECLAY_FILM_MODULE name ones that are built already: an image
+// for Node.js has no Rust.
 
 import { spawnSync } from "node:child_process";
 import { copyFileSync, existsSync, mkdirSync, readFileSync } from "node:fs";
@@ -9,7 +11,7 @@ import { fileURLToPath, URL } from "node:url";
 
 const folder = new URL("../", import.meta.url);
 
-for (const name of ["page", "hand"]) {
+for (const name of ["page", "mathematics", "hand", "film"]) {
   const to = new URL(`generated/${name}.wasm`, folder);
   const built = process.env[`TELECLAY_${name.toUpperCase()}_MODULE`] ?? build(name);
   mkdirSync(new URL("./", to), { recursive: true });

@@ -1,6 +1,5 @@
 import { render } from "preact";
 import { App } from "./ui/app";
-import { loadMathematics } from "./ui/mathematics";
 import { followOperator } from "./ui/live/operate/operator";
 import { followAddress } from "./ui/pages";
 import { start } from "./ui/store";
@@ -10,10 +9,7 @@ import "./ui/style/shell.css";
 import "./ui/style/live.css";
 import "./ui/style/controls.css";
 import "./ui/style/operate.css";
-import "./ui/style/sessions.css";
 import "./ui/style/time_line.css";
-import "./ui/style/theory.css";
-import "./ui/style/tour.css";
 import { followTheme } from "./ui/theme";
 
 followTheme();
@@ -21,6 +17,5 @@ takeToken();
 followAddress();
 start();
 followOperator();
-void loadMathematics();
 const host = document.getElementById("app");
 if (host !== null) render(<App />, host);

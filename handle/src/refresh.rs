@@ -116,6 +116,8 @@ async fn snapshot(slow: &Session, grant: &JoinGrant, epoch: u32) -> Result<Snaps
     let spec = teleclay_proto::http::ClaySpec {
         shape: clay.shape,
         voxel_size_m: clay.voxel_size_m,
+        // Its classes come with the bricks.
+        layers: Vec::new(),
     };
     let key = grant.keys.clay_snapshot();
     let bricks = question(slow, grant, Purpose::ClaySnapshot, &key)

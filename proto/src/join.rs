@@ -364,6 +364,7 @@ impl Validate for ClayDescription {
         crate::http::ClaySpec {
             shape: self.shape.clone(),
             voxel_size_m: self.voxel_size_m,
+            layers: Vec::new(),
         }
         .validate()
     }

@@ -30,7 +30,7 @@ mod tool;
 mod validate;
 mod word;
 
-pub use material::Material;
+pub use material::{Material, MaterialChoice, Preset};
 pub use names::{NameError, NodeName, RealmName, SessionId};
 pub use part::Part;
 pub use scheme::{Axes, AxesError, Scheme};

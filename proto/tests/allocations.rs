@@ -79,6 +79,7 @@ fn frames_and_messages_are_read_without_allocating() {
         for message in [&telemetry, &bricks] {
             match Message::decode(message).expect("it was encoded") {
                 Message::Telemetry(view) => read += view.iter().map(black_box).count(),
+                Message::Classes(view) => read += black_box(view.part).len(),
                 Message::Bricks(view) => {
                     for brick in view.iter() {
                         brick.body.unpack(&mut voxels);

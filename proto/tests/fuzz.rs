@@ -41,6 +41,7 @@ struct Accepted {
     tool: u64,
     telemetry: u64,
     bricks: u64,
+    classes: u64,
     packed: u64,
 }
 
@@ -60,13 +61,14 @@ fn binary_decoders_survive_anything() {
         tool,
         telemetry,
         bricks,
+        classes,
         packed,
     } = accepted;
     println!("fuzz: {BINARY_INPUTS} inputs to each binary decoder, none panicked; accepted");
     println!(
-        "  {handle} handle frames, {tool} tool frames, {telemetry} telemetry batches, {bricks} brick messages, {packed} packed bricks"
+        "  {handle} handle frames, {tool} tool frames, {telemetry} telemetry batches, {bricks} brick messages, {classes} parts of classes, {packed} packed bricks"
     );
-    for count in [handle, tool, telemetry, bricks, packed] {
+    for count in [handle, tool, telemetry, bricks, classes, packed] {
         assert!(
             BINARY_INPUTS / 1000 < count,
             "the inputs hardly reach past this decoder's first checks"
@@ -225,6 +227,12 @@ fn decode_with_everything(input: &[u8], scratch: &mut Scratch, accepted: &mut Ac
             }
             accepted.bricks += 1;
         }
+        Ok(Message::Classes(view)) => {
+            // A part at its offset is what it is, whatever else there is.
+            assert!(!view.part.is_empty());
+            assert!(u64::from(view.offset) + view.part.len() as u64 <= u64::from(view.total));
+            accepted.classes += 1;
+        }
         Err(_) => {}
     }
     if let Ok(packed) = PackedBrick::new(input) {
@@ -275,6 +283,7 @@ fn binary_seeds() -> Vec<Vec<u8>> {
         .encode(&[TelemetrySample::default(); 2], &mut telemetry)
         .expect("two samples fit");
     seeds.push(telemetry);
+    seeds.extend(write_classes(&[7; 60], 3, 1, 50));
     let flat: [u8; BRICK_VOXELS] = std::array::from_fn(|voxel| if voxel < 1800 { 255 } else { 0 });
     for kind in [BricksKind::Delta, BricksKind::Keyframe] {
         let header = BricksHeader {

@@ -356,6 +356,7 @@ fn a_grid_has_at_most_1024_voxels_along_each_axis_and_half_as_many_in_all_as_tha
         ClaySpec {
             shape,
             voxel_size_m,
+            layers: Vec::new(),
         }
         .validate()
         .map_err(|error| error.pointer)
@@ -375,6 +376,7 @@ fn a_grid_has_at_most_1024_voxels_along_each_axis_and_half_as_many_in_all_as_tha
     let stepped = ClaySpec {
         shape: ClayShape::stepped(),
         voxel_size_m: 5e-4,
+        layers: Vec::new(),
     };
     assert_eq!(stepped.validate(), Ok(()));
     assert!((stepped.shape.size_m()[2] - 0.04).abs() < 1e-12);

@@ -4,8 +4,8 @@ use proptest::array::uniform3;
 use proptest::prelude::*;
 use teleclay_proto::frame::{Engagement, LoopStatus, SweepRefusal};
 use teleclay_proto::http::{
-    Burst, ClayHash, ClayShape, ClaySpec, Impairment, JitterDistribution, Material, Network,
-    NetworkPatch, NewSession, Outage, Validate, parse,
+    Burst, ClayHash, ClayShape, ClaySpec, Impairment, JitterDistribution, Layer, Material, Network,
+    NetworkPatch, NewSession, Outage, Preset, Validate, parse,
 };
 use teleclay_proto::join::{JoinReply, LoopParameters, RefusalCode};
 use teleclay_proto::keys::{Key, Leaf, SessionKeys};
@@ -153,6 +153,7 @@ fn block_and_ball([radius_m, x, y, z, voxel_size_m, ..]: [f64; 7]) -> NewSession
     let clay = ClaySpec {
         shape: ClayShape::Block { size_m: [x, y, z] },
         voxel_size_m,
+        layers: Vec::new(),
     };
     NewSession {
         clay,
@@ -181,6 +182,10 @@ fn steps_and_blade(
     let clay = ClaySpec {
         shape,
         voxel_size_m,
+        layers: vec![Layer {
+            thickness_m: 0.01,
+            material: Preset::Wax.material(),
+        }],
     };
     let tool = ToolDescription::Blade {
         width_m,

@@ -2,7 +2,7 @@
 
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
-use teleclay_bilateral::{clay_shape, material, tool_shape};
+use teleclay_bilateral::{fresh_clay, material, tool_shape};
 use teleclay_clay::{
     BrickView, ContactState, Mesh, Motion, Pose, Sweep, Tool, ToolShape, UNITS_PER_VOXEL, stl,
 };
@@ -44,8 +44,7 @@ impl Clay {
     #[new]
     fn new(py: Python<'_>, spec: &str) -> PyResult<Self> {
         let spec: ClaySpec = parse(spec.as_bytes()).map_err(refused)?;
-        let shape = clay_shape(&spec.shape).map_err(refused)?;
-        let made = py.detach(|| teleclay_clay::Clay::new(&shape, spec.voxel_size_m));
+        let made = py.detach(|| fresh_clay(&spec));
         Ok(made.map_err(refused)?.into())
     }
 

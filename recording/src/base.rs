@@ -1,6 +1,8 @@
 //! The state that a recording begins with, put together from what left the tick.
 
-use teleclay_clay::{BRICK_VOXELS, BrickView, Clay, Grid};
+use std::sync::Arc;
+
+use teleclay_clay::{BRICK_VOXELS, BrickView, Classes, Clay, Grid};
 use teleclay_history::{Replay, State, content};
 
 use crate::error::WriteError;
@@ -11,6 +13,8 @@ pub(crate) struct Coming {
     grid: Grid,
     initial_units: u64,
     head: Vec<u8>,
+    /// What has come of the classes of material; nothing where there is one.
+    classes: Vec<u8>,
     bricks: Vec<Brick>,
     records: Vec<Vec<u8>>,
 }
@@ -29,6 +33,7 @@ impl Coming {
             grid: Grid::of_voxels(voxels, size_m).ok()?,
             initial_units: parcel.u64()?,
             head: parcel.0.to_vec(),
+            classes: Vec::new(),
             bricks: Vec::new(),
             records: Vec::new(),
         })
@@ -36,6 +41,11 @@ impl Coming {
 
     pub(crate) fn add_record(&mut self, record: &[u8]) {
         self.records.push(record.to_vec());
+    }
+
+    /// The next part of the classes of material.
+    pub(crate) fn add_classes(&mut self, parcel: Parcel<'_>) {
+        self.classes.extend_from_slice(parcel.0);
     }
 
     /// They come in their order.
@@ -60,6 +70,11 @@ impl Coming {
             }
         })
         .map_err(|error| WriteError::Broken(error.to_string()))?;
+        if !self.classes.is_empty() {
+            Classes::decode(&self.grid, &self.classes)
+                .and_then(|classes| clay.assign_classes(Some(Arc::new(classes))))
+                .map_err(|error| WriteError::Broken(error.to_string()))?;
+        }
         content::encode(&mut clay, &mut self.head);
         let state =
             State::decode(&self.head).map_err(|error| WriteError::Broken(error.to_string()))?;

@@ -6,14 +6,14 @@
 //! | [`tap`] | what leaves the tick, without waiting or allocating |
 //! | [`scribe`] | makes messages of that and writes them |
 //! | [`shelf`] | the recordings of a server: a thread and a file for each that runs |
-//! | [`read`] | a file, tick by tick |
+//!
+//! What reads it is `teleclay-reel`.
 //!
 //! ```text
 //! tick thread          recording's thread
 //! Tap::on_tick  >  Feed ─> Scribe ─> file, synced each second
 //! ```
 
-pub mod read;
 pub mod scribe;
 pub mod shelf;
 pub mod tap;
@@ -24,7 +24,6 @@ mod messages;
 mod tick;
 
 pub use error::WriteError;
-pub use read::{Recorded, Step};
-pub use scribe::{About, Scribe};
+pub use scribe::{About, Diagnose, Scribe};
 pub use shelf::{Shelf, ShelfError};
 pub use tap::{Feed, Tap};

@@ -56,7 +56,7 @@ impl Frames {
         }
     }
 
-    /// Writes each of [`TOPICS`] in turn into `bytes` and gives it to `each`, with its place among them.
+    /// Writes each of [`SHOWN`](teleclay_reel::format::SHOWN) in turn into `bytes` and gives it to `each`, with its place among them.
     pub(crate) fn tell<E>(
         &self,
         seen: &Seen,
@@ -158,20 +158,6 @@ impl Frames {
         }
     }
 }
-
-/// Last words of the topics that show a tool, in the order in which they are told.
-pub(crate) const TOPICS: [&str; 10] = [
-    "handle_pose",
-    "tool_pose",
-    "handle_twist",
-    "tool_twist",
-    "hand_wrench",
-    "felt_wrench",
-    "tool_wrench",
-    "link",
-    "energy",
-    "corrections",
-];
 
 #[cfg(test)]
 #[allow(clippy::float_cmp)] // a few binary fractions, whose differences are exact

@@ -4,6 +4,7 @@
 //! the file has everything up to the last [flush](Scribe::flush), and ordinary readers open it.
 
 use std::collections::{BTreeMap, HashMap};
+use std::fmt;
 use std::io::Write;
 use std::sync::Arc;
 
@@ -12,15 +13,16 @@ use mcap::write::NoSeek;
 use mcap::{Compression, McapError, WriteOptions, Writer};
 use teleclay_history::{Fact, Record, State};
 use teleclay_proto::watch::Level;
-use teleclay_ros::standard::{Text, TfMessage, Time};
+use teleclay_reel::format::{FULL, HASH, METADATA, READY, SHOWN, STATE, STORAGE};
+use teleclay_ros::standard::{DiagnosticArray, Text, TfMessage, Time};
 use teleclay_ros::{Message, definition, names, own, to_cdr};
 use teleclay_session::{Event, EventKind, Settings, Snapshot, in_words};
 
 use crate::base::{Coming, state_after};
 use crate::error::WriteError;
-use crate::messages::{Beside, Frames, Moved, TOPICS};
+use crate::messages::{Beside, Frames, Moved};
 use crate::tap::Feed;
-use crate::tick::{BASE, BRICK, END, Parcel, Seen, TICK, Tick, WHOLE};
+use crate::tick::{BASE, BRICK, CLASSES, END, Parcel, Seen, TICK, Tick, WHOLE};
 
 /// What a chunk holds before it is written: a tenth of a second of two tools.
 const CHUNK_BYTES: u64 = 128 << 10;
@@ -28,15 +30,8 @@ const CHUNK_BYTES: u64 = 128 << 10;
 const TICKS_BETWEEN_TRANSFORMS: u64 = 20;
 /// Every how many ticks the clay's hash is told, where it is known.
 const TICKS_BETWEEN_HASHES: u64 = 1000;
-/// `format` of a clay message with the whole state, clay included, and of one with nothing but the hash.
-pub(crate) const STATE: &str = "teleclay/state";
-pub(crate) const HASH: &str = "hash";
-/// The topic that says whether cuts could be kept, and its words.
-pub(crate) const STORAGE: &str = "storage";
-pub(crate) const FULL: &str = "full";
-const READY: &str = "ready";
-/// Of the metadata record at a file's end.
-pub(crate) const METADATA: &str = "teleclay.recording";
+/// Every how many ticks it is told how the session is doing: as often as ROS 2 is.
+const TICKS_BETWEEN_DIAGNOSES: u64 = 1000;
 
 /// What a recording is of.
 #[derive(Clone, Debug)]
@@ -48,6 +43,18 @@ pub struct About {
     /// Which topics that show motion are written, by whole or last name; `None` is all of them. What a replay needs is
     /// written whatever is asked for.
     pub topics: Option<Vec<String>>,
+    /// Who knows how the session is doing, once a second; `None` where nobody does.
+    pub diagnose: Option<Diagnose>,
+}
+
+/// Tells how a session is doing at a time, ns since 1970, as the bytes of a `diagnostic_msgs/msg/DiagnosticArray`.
+#[derive(Clone)]
+pub struct Diagnose(pub Arc<dyn Fn(u64) -> Vec<u8> + Send + Sync>);
+
+impl fmt::Debug for Diagnose {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("Diagnose")
+    }
 }
 
 /// Writes one recording.
@@ -64,6 +71,7 @@ pub struct Scribe<W: Write> {
     last_ns: u64,
     last_tick: u64,
     last_hash_tick: u64,
+    last_diagnosis_tick: Option<u64>,
 }
 
 /// How far it is.
@@ -100,13 +108,14 @@ struct SessionIds {
     ticks: u16,
     storage: u16,
     tf: u16,
+    diagnostics: u16,
 }
 
 struct Tool {
     frames: Frames,
     frame_id: u16,
-    /// By place in [`TOPICS`]; `None` where it is not asked for.
-    shown: [Option<u16>; TOPICS.len()],
+    /// By place in [`SHOWN`]; `None` where it is not asked for.
+    shown: [Option<u16>; SHOWN.len()],
     moved: Moved,
 }
 
@@ -165,6 +174,7 @@ impl<W: Write> Scribe<W> {
             ticks: out.channel::<own::TickTime>(&topics.ticks.name)?,
             storage: out.channel::<Text<'_>>(&storage)?,
             tf: out.channel::<TfMessage<'_>>(&names::tf().name)?,
+            diagnostics: out.channel::<DiagnosticArray<'_>>(&names::diagnostics().name)?,
         };
         Ok(Self {
             out,
@@ -179,6 +189,7 @@ impl<W: Write> Scribe<W> {
             last_ns: 0,
             last_tick: 0,
             last_hash_tick: 0,
+            last_diagnosis_tick: None,
         })
     }
 
@@ -264,6 +275,12 @@ impl<W: Write> Scribe<W> {
                 Some(coming) => coming.add_brick(parcel).ok_or_else(broken),
                 None => Ok(()),
             },
+            CLASSES => {
+                if let Some(coming) = &mut self.state.coming {
+                    coming.add_classes(parcel);
+                }
+                Ok(())
+            }
             WHOLE => match self.state.coming.take() {
                 Some(coming) => self.on_state(coming.finish()?),
                 None => Ok(()),
@@ -314,6 +331,7 @@ impl<W: Write> Scribe<W> {
         if tick.tick.is_multiple_of(TICKS_BETWEEN_TRANSFORMS) {
             self.place(&tick.seen)?;
         }
+        self.diagnose(tick.tick)?;
         let time = own::TickTime {
             tick: tick.tick,
             now_ns: tick.now_ns,
@@ -429,6 +447,19 @@ impl<W: Write> Scribe<W> {
             .write(self.session_ids.tf, self.last_ns, &self.bytes)?)
     }
 
+    fn diagnose(&mut self, tick: u64) -> Result<(), WriteError> {
+        let is_due = self
+            .last_diagnosis_tick
+            .is_none_or(|last| last + TICKS_BETWEEN_DIAGNOSES <= tick);
+        let (Some(Diagnose(diagnose)), true) = (&self.about.diagnose, is_due) else {
+            return Ok(());
+        };
+        self.last_diagnosis_tick = Some(tick);
+        let message = diagnose(self.last_ns);
+        let channel = self.session_ids.diagnostics;
+        Ok(self.out.write(channel, self.last_ns, &message)?)
+    }
+
     fn tool(&mut self, slot: usize) -> Result<&Tool, WriteError> {
         if !self.tools.contains_key(&slot) {
             let number = slot as u32 + 1;
@@ -450,10 +481,10 @@ impl<W: Write> Scribe<W> {
     fn shown(
         &mut self,
         topics: &names::ToolTopics,
-    ) -> Result<[Option<u16>; TOPICS.len()], WriteError> {
+    ) -> Result<[Option<u16>; SHOWN.len()], WriteError> {
         use teleclay_ros::standard::{PoseStamped, TwistStamped, WrenchStamped};
-        let mut shown = [None; TOPICS.len()];
-        for (at, last) in TOPICS.iter().enumerate() {
+        let mut shown = [None; SHOWN.len()];
+        for (at, last) in SHOWN.iter().enumerate() {
             let topic = topics
                 .iter()
                 .map(|topic| topic.name.as_str())

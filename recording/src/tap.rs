@@ -12,7 +12,7 @@ use teleclay_link::time::Timestamp;
 use teleclay_proto::frame::{HandleFrame, MAX_FRAME};
 use teleclay_session::{Event, EventKind, Session};
 
-use crate::tick::{BASE, BRICK, END, Seen, TICK, WHOLE, put_frame};
+use crate::tick::{BASE, BRICK, CLASSES, END, Seen, TICK, WHOLE, put_frame};
 
 /// Room between tick and writer: two seconds of eight tools, or of bricks.
 const RING_BYTES: usize = 1 << 23;
@@ -21,6 +21,8 @@ const PARCEL_BYTES: usize = 1 << 19;
 /// Bricks of voxels that leave in a tick, 4 KiB each, and bricks that are looked at.
 const VOXEL_BRICKS_A_TICK: usize = 4;
 const BRICKS_A_TICK: usize = 64;
+/// Bytes of classes that leave in a tick: as much as bricks of voxels.
+const CLASS_BYTES_A_TICK: usize = 4 * 4096;
 /// Bricks whose hash is brought up to date in a tick: half a microsecond each.
 const HASHES_A_TICK: usize = 4;
 /// Ticks between two snapshots of the clay.
@@ -53,8 +55,9 @@ pub struct Feed {
 enum Snapshot {
     /// What was written before does not lead to the session as it is.
     Wanted,
-    /// Bricks from this one on are still to leave.
+    /// Of the classes of material, bytes from this one on are still to leave, then bricks from `next` on.
     UnderWay {
+        classes_from: usize,
         next: u32,
     },
     Done,
@@ -125,7 +128,11 @@ impl Tap {
         }
         match self.snapshot {
             Snapshot::Wanted => self.begin_snapshot(session),
-            Snapshot::UnderWay { next } => self.go_on_with_snapshot(session.clay(), next),
+            Snapshot::UnderWay { classes_from, next } => {
+                if self.go_on_with_classes(session.clay(), classes_from) {
+                    self.go_on_with_snapshot(session.clay(), next);
+                }
+            }
             Snapshot::Done => {}
         }
     }
@@ -214,8 +221,30 @@ impl Tap {
         State::encode_without_clay(session, &self.strokes, &mut self.parcel);
         if self.push() {
             self.last_snapshot = session.ticks();
-            self.snapshot = Snapshot::UnderWay { next: 0 };
+            self.snapshot = Snapshot::UnderWay {
+                classes_from: 0,
+                next: 0,
+            };
         }
+    }
+
+    /// Tells a part of the classes, if there are some and not all of them have left; says whether none is left to tell.
+    fn go_on_with_classes(&mut self, clay: &Clay, from: usize) -> bool {
+        let encoded = clay.classes().map_or(&[][..], |classes| classes.encoded());
+        let rest = encoded.get(from..).unwrap_or_default();
+        if rest.is_empty() {
+            return true;
+        }
+        let part = &rest[..rest.len().min(CLASS_BYTES_A_TICK)];
+        self.begin(CLASSES);
+        self.parcel.extend_from_slice(part);
+        if RING_BYTES / 4 <= self.ring.slots() && self.push() {
+            self.snapshot = Snapshot::UnderWay {
+                classes_from: from + part.len(),
+                next: 0,
+            };
+        }
+        false
     }
 
     fn go_on_with_snapshot(&mut self, clay: &Clay, first: u32) {
@@ -250,7 +279,10 @@ impl Tap {
                 break;
             }
         }
-        self.snapshot = Snapshot::UnderWay { next };
+        self.snapshot = Snapshot::UnderWay {
+            classes_from: usize::MAX,
+            next,
+        };
     }
 
     fn forget_frames(&mut self) {

@@ -16,6 +16,7 @@ pub(crate) const BASE: u8 = 2;
 pub(crate) const BRICK: u8 = 3;
 pub(crate) const WHOLE: u8 = 4;
 pub(crate) const END: u8 = 5;
+pub(crate) const CLASSES: u8 = 6;
 
 /// One tool after a tick, as far as it is shown.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -54,6 +54,7 @@ fn a_tap_takes_no_memory() {
         session: "bench".to_owned(),
         offset_ns: 0,
         topics: None,
+        diagnose: None,
     };
     let mut scribe = Scribe::new(std::io::sink(), about).unwrap();
     for tick in 0..3000 {

@@ -10,7 +10,8 @@ use std::path::{Path, PathBuf};
 use bench::{Bench, cutting, stroke};
 use teleclay_proto::http::RecordingState;
 use teleclay_proto::{Scheme, SessionId};
-use teleclay_recording::{About, Feed, Recorded, Shelf, ShelfError, Step, Tap};
+use teleclay_recording::{About, Feed, Shelf, ShelfError, Tap};
+use teleclay_reel::{Recorded, Step};
 
 /// A folder that goes with the test.
 struct Folder(PathBuf);
@@ -42,6 +43,7 @@ fn about() -> About {
         session: "bench".to_owned(),
         offset_ns: 0,
         topics: None,
+        diagnose: None,
     }
 }
 

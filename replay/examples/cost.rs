@@ -85,6 +85,7 @@ fn main() {
         session: "rig".to_owned(),
         offset_ns: 0,
         topics: None,
+        diagnose: None,
     };
     let (tap, feed) = Tap::new(2, 1);
     let file = std::fs::File::create(&path).expect("the temporary folder can be written");

@@ -13,8 +13,8 @@ use teleclay_operator::{Intent, Track, TrackError, TrackPoint};
 use teleclay_proto::Scheme;
 use teleclay_proto::frame::HandleFrame;
 use teleclay_proto::join::LoopParameters;
-use teleclay_recording::read::ReadError;
-use teleclay_recording::{About, Recorded, Step, WriteError};
+use teleclay_recording::{About, WriteError};
+use teleclay_reel::{ReadError, Recorded, Step};
 use teleclay_session::Lines;
 use teleclay_sim::rig::{Rig, RigError, Setup};
 
@@ -163,6 +163,7 @@ impl Hand {
             session: settings.spec.id.to_string(),
             offset_ns: 0,
             topics: None,
+            diagnose: None,
         };
         let studio = sink
             .map(|sink| Studio::new(sink, about, 1, 1))

@@ -5,10 +5,12 @@
 //! | [`again`] | the tool side of a session, told by its recording |
 //! | [`verify`] | whether clay and cuts come out bit for bit |
 //! | [`felt`] | the recorded hand under another scheme or over another line |
+//! | [`moment`] | a moment of it, in numbers |
 //! | [`studio`] | a recording of what a rig does on virtual time |
 
 pub mod again;
 pub mod felt;
+pub mod moment;
 pub mod studio;
 pub mod verify;
 

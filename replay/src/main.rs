@@ -12,6 +12,7 @@ use teleclay_link::conditioner::Impairment;
 use teleclay_proto::Scheme;
 use teleclay_replay::again::How;
 use teleclay_replay::felt::Hand;
+use teleclay_replay::moment::moments;
 use teleclay_replay::verify::{Difference, Verdict, verify};
 use teleclay_replay::{Felt, Question};
 use teleclay_session::Lines;
@@ -29,6 +30,10 @@ struct Arguments {
     /// Check that clay and cuts come out
     #[arg(long, conflicts_with_all = ["tool", "scheme", "delay_ms", "rtt_ms", "jitter", "loss", "seed", "out"])]
     verify: bool,
+    /// Print what the recording tells of this moment, s since it began, as a line of JSON: tools, settings, the clay's
+    /// hash; several times for several moments
+    #[arg(long, value_name = "S", conflicts_with_all = ["verify", "tool", "scheme", "delay_ms", "rtt_ms", "jitter", "loss", "seed", "out"])]
+    at_s: Vec<f64>,
     /// Whose hand, by tool [default: the one of which there is most]
     #[arg(long, value_name = "NUMBER")]
     tool: Option<u32>,
@@ -68,6 +73,10 @@ fn main() -> ExitCode {
 fn run(arguments: &Arguments) -> Result<ExitCode> {
     let path = &arguments.file;
     let file = std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
+    if !arguments.at_s.is_empty() {
+        tell_moments(&moments(&file, &arguments.at_s)?);
+        return Ok(ExitCode::SUCCESS);
+    }
     if arguments.verify {
         let verdict = verify(&file)?;
         tell(&verdict);
@@ -124,6 +133,13 @@ fn share(text: &str) -> Result<f64, String> {
         return Ok(number);
     }
     Err(format!("{number} is not from 0 to 1"))
+}
+
+#[expect(clippy::print_stdout, reason = "a program's answer")]
+fn tell_moments(moments: &[serde_json::Value]) {
+    for moment in moments {
+        println!("{moment}");
+    }
 }
 
 #[expect(clippy::print_stdout, reason = "a program's answer")]

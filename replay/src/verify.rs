@@ -5,8 +5,7 @@ use std::collections::BTreeMap;
 use teleclay_history::{Fact, Malformed, Record, Replay, ReplayError, State};
 use teleclay_link::time::Timestamp;
 use teleclay_proto::frame::HandleFrame;
-use teleclay_recording::read::{ReadError, Ticked};
-use teleclay_recording::{Recorded, Step};
+use teleclay_reel::{ReadError, Recorded, Step, Ticked};
 use teleclay_session::EventKind;
 
 use crate::again::{Again, AgainError, How, Known, Work};

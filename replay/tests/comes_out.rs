@@ -12,7 +12,8 @@ use rigs::{File, Recorded, SCHEMES, about, command, counts, line, rewritten, rig
 use teleclay_link::time::Timestamp;
 use teleclay_proto::Scheme;
 use teleclay_proto::frame::{HandleFrame, MAX_FRAME};
-use teleclay_recording::{Feed, Scribe, Tap};
+use teleclay_recording::{About, Diagnose, Feed, Scribe, Tap};
+use teleclay_replay::Studio;
 use teleclay_replay::again::How;
 use teleclay_replay::verify::{Difference, Verdict, verify};
 use teleclay_session::{Event, Session};
@@ -201,6 +202,31 @@ fn there_are_as_many_messages_as_ticks() {
             assert_eq!(counts.get(&name), Some(&ticks), "{name}");
         }
     }
+}
+
+/// Once a second, by the time of the tick in which it is asked for.
+#[test]
+fn how_the_session_does_is_asked_once_a_second() {
+    let mut rig = rig_of_two(Scheme::ForceExchange);
+    let file = File::default();
+    let about = About {
+        diagnose: Some(Diagnose(Arc::new(|ns| ns.to_le_bytes().to_vec()))),
+        ..about()
+    };
+    let studio = Studio::new(file.clone(), about, 2, 1).unwrap();
+    rig.hear_with(Some(Box::new(studio.clone())));
+    rig.run_for(SECOND * 11 / 2);
+    studio.finish(rig.session_mut()).unwrap();
+    let mut told = Vec::new();
+    for message in mcap::MessageStream::new(&file.bytes()).unwrap() {
+        let message = message.unwrap();
+        if message.channel.topic == "/diagnostics" {
+            assert_eq!(message.data[..], message.log_time.to_le_bytes());
+            told.push(message.log_time);
+        }
+    }
+    assert_eq!(told.len(), 6, "{told:?}");
+    assert!(told.is_sorted_by(|one, next| next - one == 1_000_000_000));
 }
 
 /// Hears a rig, and lets what it heard wait from one tick to another.

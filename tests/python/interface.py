@@ -56,7 +56,8 @@ def main():
 
 def bodies_of(interface):
     """Full bodies of every call that takes one."""
-    material = {"viscosity_pa_s_per_m": 1e5, "yield_stress_pa": 10, "stiffness_pa": 1000}
+    material = {"preset": "wax", "viscosity_pa_s_per_m": 1e5, "yield_stress_pa": 10, "stiffness_pa": 1000}
+    layers = [{"thickness_m": 0.002, "material": material}]
     line = {
         "delay_s": 0.02, "jitter_s": 0.003, "loss": 0.01, "seed": 7, "jitter_distribution": "heavy_tailed", "duplicate": 0.001,
         "reorder": 0.002, "burst": {"enter": 0.01, "leave": 0.3, "loss_in_burst": 0.9}, "outage": {"every_s": 10, "length_s": 0.2},
@@ -71,7 +72,7 @@ def bodies_of(interface):
     def session(shape, tool):
         return {
             "id": "made", "axes": 2, "scheme": "force_exchange", "material": material, "network": network, "tool": tool, "tools": 3,
-            "clay": {"shape": shape, "voxel_size_m": 1e-3}, "deadband": 0.07,
+            "clay": {"shape": shape, "voxel_size_m": 1e-3, "layers": layers}, "deadband": 0.07,
         }  # fmt: skip
 
     geometry = {"base_radius_m": 0.12, "platform_radius_m": 0.04, "upper_link_m": 0.1, "lower_link_m": 0.2, "arm_angles_deg": [0, 120, 240]}
@@ -90,7 +91,7 @@ def bodies_of(interface):
             "PATCH", f"/api/v1/sessions/{one}",
             [{"scheme": "force_exchange", "material": material, "network": network, "deadband": 0.1, "paused": False}],
         ),
-        ("POST", f"/api/v1/sessions/{one}/clay/reset", [{"shape": block, "material": material}, {"shape": stepped, "material": material}]),
+        ("POST", f"/api/v1/sessions/{one}/clay/reset", [{"shape": block, "material": material, "layers": layers}, {"shape": stepped, "material": material, "layers": layers}]),
         ("POST", f"/api/v1/sessions/{one}/undo", [{"tool": 1}, {"since": 1}]),
         ("POST", f"/api/v1/sessions/{one}/redo", [{"tool": 1}]),
         ("POST", f"/api/v1/sessions/{one}/stop/clear", [{"operator": "Ada"}]),
@@ -289,8 +290,25 @@ def check_recordings(interface, one):
     interface.expect(answer, {200})
     if not answer.body.startswith(b"\x89MCAP0\r\n") or not answer.body.endswith(b"\x89MCAP0\r\n"):
         interface.faults.append("a recording that has ended is no whole MCAP file")
+    check_ranges(interface, f"{path}/first.mcap", answer.body)
     interface.expect(interface.ask("POST", path, {"name": "first"}), {409})
     interface.expect(interface.send("DELETE", f"{path}/first"), {204})
+
+
+def check_ranges(interface, path, whole):
+    """Bytes of a file: those that are asked for, or all of them where another kind of range is."""
+    for text, status, wanted in [
+        ("bytes=0-7", 206, whole[:8]),
+        ("bytes=-8", 206, whole[-8:]),
+        (f"bytes={len(whole) - 3}-{len(whole) + 90}", 206, whole[-3:]),
+        (f"bytes={len(whole)}-", 416, None),
+        ("bytes=0-1,4-5", 200, whole),
+        ("lines=0-1", 200, whole),
+    ]:
+        answer = interface.send("GET", path, headers={"Range": text})
+        interface.expect(answer, {status})
+        if wanted is not None and answer.body != wanted:
+            interface.faults.append(f"Range: {text} is answered with other bytes")
 
 
 def check_import(interface, path):
@@ -299,6 +317,13 @@ def check_import(interface, path):
     clay = f"{path}/clay"
     for content, media_type, status in [(stl, "model/stl", 200), (b"no mesh", "model/3mf", 422), (b"{}", "application/json", 415)]:
         interface.expect(interface.send("PUT", clay, content=content, headers={"Content-Type": media_type}), {status})
+    header = b"NRRD0004\ntype: uchar\ndimension: 3\nsizes: 8 8 8\nencoding: raw\nspacings: 1 1 1\n\n"
+    scan = header + bytes(100 if voxel < 256 else 200 for voxel in range(512))
+    for query, content, status in [
+        ("?thresholds=50,150&materials=firm_clay", scan, 200), ("?thresholds=50", scan, 200), ("", scan, 422), ("?thresholds=50", scan[1:], 422),
+        ("?thresholds=50&materials=butter", scan, 422), ("?thresholds=250", scan, 422),
+    ]:  # fmt: skip
+        interface.expect(interface.send("PUT", clay + query, content=content, headers={"Content-Type": "application/x-nrrd"}), {status})
     huge = {"Content-Type": "model/stl", "Content-Length": str(1 << 30)}
     interface.expect(interface.send("PUT", clay, content=b"", headers=huge), {413})
 

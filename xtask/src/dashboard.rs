@@ -18,7 +18,12 @@ use crate::workspace::{root, target};
 const PACKAGE_FILES: [&str; 3] = ["package.json", "package-lock.json", ".npmrc"];
 
 /// What the modules of WebAssembly are built into.
-const MODULES: [&str; 2] = ["generated/page.wasm", "generated/hand.wasm"];
+const MODULES: [&str; 4] = [
+    "generated/page.wasm",
+    "generated/mathematics.wasm",
+    "generated/hand.wasm",
+    "generated/film.wasm",
+];
 
 /// Prepares and builds client-web/dist, each only when needed.
 pub(crate) fn build() -> Result<()> {
@@ -91,7 +96,7 @@ fn folder() -> PathBuf {
 /// Every file that the build may read; the browser's tests are none of them, and of the modules only what was built.
 fn sources(folder: &Path) -> Result<Vec<PathBuf>> {
     let mut files = files_of_ours(folder, &[])?;
-    let others = ["browser", "hand", "wasm"].map(|name| folder.join(name));
+    let others = ["browser", "film", "hand", "mathematics", "wasm"].map(|name| folder.join(name));
     files.retain(|file| !others.iter().any(|other| file.starts_with(other)));
     Ok(files)
 }
@@ -131,6 +136,7 @@ mod tests {
             ("node_modules/three", "index.js"),
             ("browser", "a.ts"),
             ("wasm/src", "lib.rs"),
+            ("mathematics/src", "lib.rs"),
             ("hand/src", "lib.rs"),
         ]
         .map(|(name, file)| (folder.join(name), file))
@@ -144,6 +150,7 @@ mod tests {
             "node_modules/three/index.js",
             "browser/a.ts",
             "wasm/src/lib.rs",
+            "mathematics/src/lib.rs",
             "hand/src/lib.rs",
         ] {
             fs::write(folder.join(made), "two").unwrap();

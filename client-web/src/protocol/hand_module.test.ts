@@ -2,7 +2,7 @@ import { readFileSync } from "node:fs";
 import { describe, expect, it } from "vitest";
 import { builtHand, bytesOf, recordedStroke } from "./built_hand";
 import { HandModule, handModuleFrom, isFrames } from "./hand_module";
-import { ModuleRefusal } from "./module";
+import { ModuleRefusal } from "./instance";
 
 const DEVICE = { rate_hz: 60, motion: 1 };
 

@@ -1,8 +1,6 @@
-// The module of WebAssembly that is the handle side of the loop (hand/src/hand.rs): its calls as checked types. What
-// crosses is numbers; whatever is longer is copied into the module's memory and out of it. That memory moves when it
-// grows, so every buffer is asked for its place after the call that filled it.
+// The module of WebAssembly that is the handle side of the loop (hand/src/hand.rs): its calls as checked types.
 
-import { ModuleRefusal } from "./module";
+import { type Calls, callsOf, instanceFrom, ModuleRefusal, refusalIn } from "./instance";
 import type { Triple } from "./theory";
 
 /** As `Buffer` of the module counts them. */
@@ -21,8 +19,6 @@ const FUNCTIONS = {
   tell: 5, hear: 1, lose_peer: 1, hold: 0, release: 0, clutch: 0, lock_axes: 1, set_motion: 1, leave: 0,
   advance: 1, due: 0, tidy: 0, look: 0,
 } as const;
-
-type Exports = Readonly<Record<keyof typeof FUNCTIONS, (...numbers: number[]) => number>> & { readonly memory: WebAssembly.Memory };
 
 const MODES = ["coupled", "braking", "resting"] as const;
 const LINKS = ["live", "not_yet", "silent", "on_copy", "on_stale_copy", "gone", "paused", "fault"] as const;
@@ -98,15 +94,11 @@ export function isFrames(message: ArrayBuffer): boolean {
 }
 
 export class HandModule {
-  readonly #exports: Exports;
+  readonly #exports: Calls<keyof typeof FUNCTIONS>;
 
   /** Throws where the module is not the one that this page was built with. */
-  constructor({ exports }: WebAssembly.Instance) {
-    for (const name of Object.keys(FUNCTIONS)) {
-      if (typeof exports[name] !== "function") throw new TypeError(`the module has no function ${name}`);
-    }
-    if (!(exports["memory"] instanceof WebAssembly.Memory)) throw new TypeError("the module has no memory");
-    this.#exports = exports as unknown as Exports;
+  constructor(instance: WebAssembly.Instance) {
+    this.#exports = callsOf(instance, FUNCTIONS);
   }
 
   /** Begins at rest, released. Throws {@link ModuleRefusal}, and whatever was there stays. */
@@ -220,9 +212,7 @@ export class HandModule {
   }
 
   #carriedOut(outcome: number): void {
-    if (outcome === DONE) return;
-    const words = new Uint8Array(this.#exports.memory.buffer, this.#address(Buffer.refusal), this.#length(Buffer.refusal));
-    throw new ModuleRefusal(new TextDecoder().decode(words));
+    if (outcome !== DONE) throw new ModuleRefusal(refusalIn(this.#exports, Buffer.refusal));
   }
 
   #address(buffer: number): number {
@@ -258,7 +248,5 @@ function stateOf(n: Float64Array): HandState {
 
 /** The module out of a file on its way. Throws where it does not come, or the browser does not run it. */
 export async function handModuleFrom(file: Promise<Response>): Promise<HandModule> {
-  const response = await file;
-  if (!response.ok) throw new Error(`${response.url} answers ${response.status}`);
-  return new HandModule((await WebAssembly.instantiateStreaming(response, {})).instance);
+  return new HandModule(await instanceFrom(file));
 }

@@ -1,7 +1,9 @@
 import { readFileSync } from "node:fs";
 import { describe, expect, it } from "vitest";
-import { builtModule } from "./built_module";
-import { moduleFrom, ModuleRefusal, PageModule } from "./module";
+import { builtMathematics, builtModule } from "./built_module";
+import { ModuleRefusal } from "./instance";
+import { MathematicsModule } from "./mathematics";
+import { moduleFrom, PageModule } from "./module";
 
 /** A keyframe of 16 x 8 x 8 bricks, some of them told; the first of them is full. */
 function keyframe(): ArrayBuffer {
@@ -37,10 +39,10 @@ describe("the module", () => {
     expect(module.describeClay()).toMatchObject({ voxel_size_m: 2 * Math.fround(5e-4), bricks_per_axis: [8, 4, 4] });
   });
 
-  it("says why it refuses", async () => {
-    const module = await builtModule();
+  it("says why it refuses, as the one of mathematics does", async () => {
+    const [module, mathematics] = [await builtModule(), await builtMathematics()];
     expect(() => module.takeInBricks(new ArrayBuffer(3))).toThrow(new ModuleRefusal("message starts with [0, 0], wanted [84, 67]"));
-    expect(() => module.outlook("position_force", 0.1)).toThrow(/no loop/);
+    expect(() => mathematics.outlook("position_force", 0.1)).toThrow(new ModuleRefusal("there is no loop to look at"));
   });
 });
 
@@ -53,5 +55,9 @@ describe("a module that does not load", () => {
     // The smallest module there is: it has nothing of what this page calls.
     const empty = await WebAssembly.instantiate(Uint8Array.from([0, 0x61, 0x73, 0x6d, 1, 0, 0, 0]), {});
     expect(() => new PageModule(empty.instance)).toThrow("the module has no function address");
+    // Nor is one taken for another.
+    const file = readFileSync(`${import.meta.dirname}/../../generated/page.wasm`);
+    const page = await WebAssembly.instantiate(file, {});
+    expect(() => new MathematicsModule(page.instance)).toThrow("the module has no function resize_numbers_in");
   });
 });

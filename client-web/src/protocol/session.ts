@@ -36,10 +36,10 @@ export type SessionEntry = Session | DamagedSession;
 
 export const isDamaged = (entry: SessionEntry): entry is DamagedSession => entry.state === "damaged";
 
-const vector = v.tuple([v.number(), v.number(), v.number()]) satisfies Check<"Vector">;
+export const vector = v.tuple([v.number(), v.number(), v.number()]) satisfies Check<"Vector">;
 
 export const SCHEMES = ["force_exchange", "position_force", "wave", "tdpa", "replica"] as const satisfies readonly Scheme[];
-const scheme = v.picklist(SCHEMES) satisfies Check<"Scheme">;
+export const scheme = v.picklist(SCHEMES) satisfies Check<"Scheme">;
 
 const material = v.object({
   viscosity_pa_s_per_m: v.number(),
@@ -64,7 +64,7 @@ const impairment = v.object({
 
 const network = v.object({ up: impairment, down: impairment });
 
-const clayShape = v.variant("kind", [
+export const clayShape = v.variant("kind", [
   v.object({ kind: v.literal("block"), size_m: v.exactOptional(vector) }),
   v.object({
     kind: v.literal("stepped"),
@@ -75,7 +75,7 @@ const clayShape = v.variant("kind", [
   }),
 ]) satisfies Check<"ClayShape">;
 
-const toolShape = v.variant("kind", [
+export const toolShape = v.variant("kind", [
   v.object({ kind: v.literal("ball"), radius_m: v.number() }),
   v.object({ kind: v.literal("blade"), width_m: v.number(), height_m: v.number(), thickness_m: v.number() }),
   v.object({ kind: v.literal("cylinder"), radius_m: v.number(), height_m: v.number() }),

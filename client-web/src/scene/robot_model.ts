@@ -2,7 +2,7 @@
 // z up.
 
 import * as THREE from "three";
-import type { Arm } from "../protocol/module";
+import type { Arm } from "../protocol/mathematics";
 import type { Triple } from "../protocol/theory";
 import type { RobotPose } from "../theory/robot";
 

@@ -18,8 +18,8 @@ interface Coming {
   readonly bricks: ArrayBuffer[];
 }
 
-/** The kind of a binary message, in its fourth byte. */
-const BRICKS = 2;
+/** Kinds of binary messages, in their fourth byte, that make up a snapshot: bricks, and classes of material before them. */
+const SNAPSHOT_KINDS: ReadonlySet<number | undefined> = new Set([2, 5]);
 
 export class Wants {
   readonly #ask: (question: HandQuestion) => void;
@@ -70,7 +70,7 @@ export class Wants {
   }
 
   onBinary(bytes: ArrayBuffer): void {
-    if (this.#coming === undefined || bytes.byteLength < 4 || new Uint8Array(bytes)[3] !== BRICKS) return;
+    if (this.#coming === undefined || bytes.byteLength < 4 || !SNAPSHOT_KINDS.has(new Uint8Array(bytes)[3])) return;
     this.#coming.bricks.push(bytes);
     this.#finish();
   }

@@ -1,7 +1,7 @@
 import { readFileSync } from "node:fs";
 import { beforeAll, describe, expect, it } from "vitest";
-import { builtModule } from "../protocol/built_module";
-import type { PageModule } from "../protocol/module";
+import { builtMathematics } from "../protocol/built_module";
+import type { MathematicsModule } from "../protocol/mathematics";
 import { loopOf, type LoopParts } from "./loop";
 
 type Fraction = [number[], number[]];
@@ -22,9 +22,9 @@ const CASES = JSON.parse(readFileSync(`${import.meta.dirname}/../../../crates/co
 const rational = ([numerator, denominator]: Fraction): LoopParts["g_h"] => ({ numerator, denominator });
 const partsOf = (reference: Case): LoopParts => ({ ...reference, g_h: rational(reference.g_h), c_h1: rational(reference.c_h1) });
 
-let module: PageModule;
+let module: MathematicsModule;
 beforeAll(async () => {
-  module = await builtModule();
+  module = await builtMathematics();
 });
 
 describe("a loop under delay", () => {

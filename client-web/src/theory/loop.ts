@@ -1,7 +1,8 @@
 // The loop of [KHMH03] under a round trip, as far as the page draws it itself: the server gives margins, which do not
 // depend on the round trip; what the loop does at that of the slider is found here, by the module. SI units, rad/s.
 
-import { type DelayedScheme, type GainCurve, ModuleRefusal, type Outlook, type PageModule } from "../protocol/module";
+import { ModuleRefusal } from "../protocol/instance";
+import type { DelayedScheme, GainCurve, MathematicsModule, Outlook } from "../protocol/mathematics";
 import type { TransferFunction } from "../protocol/theory";
 
 export interface LoopParts {
@@ -37,7 +38,7 @@ export interface DelayedLoop {
 }
 
 /** Nothing where the parts make no loop: then the server has more to say about it. */
-export function loopOf(module: PageModule, parts: LoopParts): DelayedLoop | undefined {
+export function loopOf(module: MathematicsModule, parts: LoopParts): DelayedLoop | undefined {
   const list = (coefficients: readonly number[]): number[] => [coefficients.length, ...coefficients];
   const numbers = [
     ...list(parts.g_h.numerator), ...list(parts.g_h.denominator), ...list(parts.c_h1.numerator), ...list(parts.c_h1.denominator),

@@ -1,7 +1,7 @@
 import { readFileSync } from "node:fs";
 import { beforeAll, describe, expect, it } from "vitest";
-import { builtModule } from "../protocol/built_module";
-import type { PageModule } from "../protocol/module";
+import { builtMathematics } from "../protocol/built_module";
+import type { MathematicsModule } from "../protocol/mathematics";
 import type { RobotGeometry, Triple } from "../protocol/theory";
 import { BRANCHES, poseAt } from "./robot";
 
@@ -15,9 +15,9 @@ const REFERENCES = JSON.parse(
   readFileSync(`${import.meta.dirname}/../../../crates/kinematics/tests/reference/cases.json`, "utf8"),
 ) as Reference[];
 
-let module: PageModule;
+let module: MathematicsModule;
 beforeAll(async () => {
-  module = await builtModule();
+  module = await builtMathematics();
 });
 
 describe("the robot", () => {

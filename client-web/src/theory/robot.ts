@@ -1,7 +1,8 @@
 // The parallel robot, as far as the picture needs it at every frame, by the module; the server's answers count. Metres,
 // radians; arms j = 0, 1, 2.
 
-import { type Arm, ModuleRefusal, type PageModule } from "../protocol/module";
+import { ModuleRefusal } from "../protocol/instance";
+import type { Arm, MathematicsModule } from "../protocol/mathematics";
 import type { Branch, RobotGeometry, Triple, WorkspaceAnswer } from "../protocol/theory";
 
 export const BRANCHES: readonly Branch[] = ([1, -1] as const).flatMap((a) =>
@@ -20,7 +21,7 @@ export interface RobotPose {
 }
 
 /** The arms with the platform at a position; nothing where the dimensions make no robot. */
-export function poseAt(module: PageModule, geometry: RobotGeometry, position_m: Triple, branch: Branch): RobotPose | undefined {
+export function poseAt(module: MathematicsModule, geometry: RobotGeometry, position_m: Triple, branch: Branch): RobotPose | undefined {
   try {
     const arms = module.arms(geometry, position_m, branch);
     return { geometry, position_m, arms, short: arms.flatMap(({ bend }, j) => (bend === undefined ? [j] : [])) };

@@ -1,5 +1,5 @@
 import { beforeAll, describe, expect, it } from "vitest";
-import { builtModule } from "../protocol/built_module";
+import { builtMathematics } from "../protocol/built_module";
 import { type DelayedLoop, loopOf, type LoopParts } from "./loop";
 import { verdictOf } from "./verdict";
 
@@ -18,7 +18,7 @@ const MARGINS = {
 
 let delayed: (parts: LoopParts) => DelayedLoop;
 beforeAll(async () => {
-  const module = await builtModule();
+  const module = await builtMathematics();
   delayed = (parts) => loopOf(module, parts) ?? expect.fail("this is no loop");
 });
 

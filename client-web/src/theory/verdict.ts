@@ -1,7 +1,7 @@
 // What a loop does at a round trip, and why, in plain words: the server's margins put together with the motion that
 // grows.
 
-import type { DelayedScheme } from "../protocol/module";
+import type { DelayedScheme } from "../protocol/mathematics";
 import type { DelayVerdict, LoopAnswer } from "../protocol/theory";
 import type { DelayedLoop, Growth } from "./loop";
 

@@ -66,7 +66,7 @@ async function load(path: string, signal: AbortSignal): Promise<Loaded> {
   return { status: response.status, bytes: await response.arrayBuffer() };
 }
 
-function authorization(): Record<string, string> {
+export function authorization(): Record<string, string> {
   const bearer = token.peek();
   return bearer === undefined ? {} : { authorization: `Bearer ${bearer}` };
 }

@@ -28,6 +28,12 @@ export class ClayFeed {
     };
   }
 
+  /** Gives the worker's memory back. */
+  end(): void {
+    this.#onMeshes = undefined;
+    this.#worker.terminate();
+  }
+
   #post(message: ToWorker, owned: Transferable[] = []): void {
     this.#worker.postMessage(message, owned);
   }

@@ -1,4 +1,4 @@
-// Clays that one may want, by name.
+// Clays that one may want, by name: the presets of GET /materials. A test of the protocol's crate compares the numbers.
 
 import type { Material } from "../protocol/session";
 
@@ -7,12 +7,13 @@ export interface NamedMaterial extends Material {
   readonly says: string;
 }
 
-/** The viscous one is that of the cutting experiment: 20, 40 and 60 N·s/m at 1, 2 and 3 cm of a blade 1 cm wide. */
+/** Where the numbers come from stands in docs/materials.md. */
 export const MATERIALS = {
-  viscous: { name: "viscous", says: "the cutting experiment's clay: force grows with speed alone", viscosity_pa_s_per_m: 2e5, yield_stress_pa: 0, stiffness_pa: 0 },
-  slip: { name: "slip", says: "wet and soft", viscosity_pa_s_per_m: 5e4, yield_stress_pa: 500, stiffness_pa: 2e5 },
-  plastic: { name: "plastic", says: "holds its shape, gives way to a firm push", viscosity_pa_s_per_m: 1.5e5, yield_stress_pa: 4000, stiffness_pa: 1e6 },
-  firm: { name: "firm", says: "stiff, hard to cut", viscosity_pa_s_per_m: 4e5, yield_stress_pa: 12000, stiffness_pa: 5e6 },
+  paper_clay: { name: "paper's clay", says: "the cutting experiment's clay: force grows with speed alone", viscosity_pa_s_per_m: 200000, yield_stress_pa: 0, stiffness_pa: 0 },
+  soft_oil_clay: { name: "soft oil clay", says: "oil clay warmed for modelling: gives way to a light push", viscosity_pa_s_per_m: 200000, yield_stress_pa: 30000, stiffness_pa: 30000 },
+  firm_clay: { name: "firm clay", says: "water clay that keeps its shape and gives way to a firm push", viscosity_pa_s_per_m: 400000, yield_stress_pa: 75000, stiffness_pa: 40000 },
+  wax: { name: "wax", says: "warm modelling wax: hard to cut, and harder the faster", viscosity_pa_s_per_m: 400000, yield_stress_pa: 120000, stiffness_pa: 40000 },
+  foam: { name: "foam", says: "brittle foam that crushes, at a force that hardly grows with speed", viscosity_pa_s_per_m: 100000, yield_stress_pa: 30000, stiffness_pa: 20000 },
 } as const satisfies Record<string, NamedMaterial>;
 
 /** As a request or an answer has it. */

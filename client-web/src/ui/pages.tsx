@@ -15,6 +15,7 @@ export interface Page {
 export const PAGES: readonly Page[] = [
   { path: "live", title: "Live", component: LivePage },
   { path: "sessions", title: "Sessions", component: later(async () => (await import("./sessions/sessions_page")).SessionsPage) },
+  { path: "recording", title: "Recording", component: later(async () => (await import("./recording/recording_page")).RecordingPage) },
   { path: "experiment", title: "Experiment", component: later(async () => (await import("./experiment/experiment_page")).ExperimentPage) },
   { path: "stability", title: "Stability", component: later(async () => (await import("./stability/stability_page")).StabilityPage) },
   { path: "robot", title: "Robot", component: later(async () => (await import("./robot/robot_page")).RobotPage) },

@@ -24,11 +24,14 @@ export type Standing =
 export const DRAWN: Standing = { name: "drawn" };
 const LOST: Standing = { name: "lost" };
 
+/** Throws where nothing can be drawn. `sight` is that of the view before. */
+export type Make<V extends View> = (canvas: HTMLCanvasElement, sight: Sight | undefined) => V;
+
 interface SceneCanvasProps<V extends View> {
   readonly test: string;
   readonly label: string;
-  /** Throws where nothing can be drawn. `sight` is that of the view before. */
-  readonly make: (canvas: HTMLCanvasElement, sight: Sight | undefined) => V;
+  /** Brings what makes a view: most of what this page is made of, and nothing else waits for it. */
+  readonly load: () => Promise<Make<V>>;
   /** What goes on with a view for as long as it is there; returns what ends that. */
   readonly run: (view: V, canvas: HTMLCanvasElement) => () => void;
   /** Set to the view that there is. */
@@ -36,7 +39,7 @@ interface SceneCanvasProps<V extends View> {
   readonly standing: Signal<Standing>;
 }
 
-export function SceneCanvas<V extends View>({ test, label, make, run, view, standing }: SceneCanvasProps<V>): JSX.Element {
+export function SceneCanvas<V extends View>({ test, label, load, run, view, standing }: SceneCanvasProps<V>): JSX.Element {
   const element = useRef<HTMLCanvasElement>(null);
   const sight = useRef<Sight | undefined>(undefined);
   /** Counts canvases: a context that never comes back leaves its canvas for good. */
@@ -46,8 +49,11 @@ export function SceneCanvas<V extends View>({ test, label, make, run, view, stan
     const canvas = element.current;
     if (canvas === null) return undefined;
     let end = (): void => undefined;
-    const begin = (): void => {
+    let isGone = false;
+    const begin = async (): Promise<void> => {
       try {
+        const make = await load();
+        if (isGone) return;
         const created = make(canvas, sight.current);
         const stop = run(created, canvas);
         end = () => {
@@ -63,6 +69,7 @@ export function SceneCanvas<V extends View>({ test, label, make, run, view, stan
         standing.value = { name: "missing", reason: error instanceof Error ? error.message : String(error) };
       }
     };
+    const onRestored = (): void => void begin();
     const onLost = (event: Event): void => {
       // Or the browser would never give it back.
       event.preventDefault();
@@ -70,11 +77,12 @@ export function SceneCanvas<V extends View>({ test, label, make, run, view, stan
       end();
     };
     canvas.addEventListener("webglcontextlost", onLost);
-    canvas.addEventListener("webglcontextrestored", begin);
-    begin();
+    canvas.addEventListener("webglcontextrestored", onRestored);
+    void begin();
     return () => {
+      isGone = true;
       canvas.removeEventListener("webglcontextlost", onLost);
-      canvas.removeEventListener("webglcontextrestored", begin);
+      canvas.removeEventListener("webglcontextrestored", onRestored);
       end();
     };
   }, [canvases.value]);

@@ -68,6 +68,11 @@ export function addressOfSession(session: string): string {
   return `#/live?${words.toString()}`;
 }
 
+/** Where a recording is shown: the address of a link. */
+export function addressOfRecording(session: string, recording: string): string {
+  return `#/recording?${new URLSearchParams({ session, recording }).toString()}`;
+}
+
 function show(session: string): void {
   past.backToNow();
   live.open(session);

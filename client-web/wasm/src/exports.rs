@@ -36,11 +36,6 @@ extern "C" fn resize_bytes_in(length: u32) {
 }
 
 #[unsafe(no_mangle)]
-extern "C" fn resize_numbers_in(length: u32) {
-    on_page(|page| page.resize_numbers_in(length as usize));
-}
-
-#[unsafe(no_mangle)]
 extern "C" fn halve_clay() {
     on_page(Page::halve_clay);
 }
@@ -63,24 +58,4 @@ extern "C" fn describe_clay() {
 #[unsafe(no_mangle)]
 extern "C" fn mesh_next_brick() -> u32 {
     on_page(Page::mesh_next_brick)
-}
-
-#[unsafe(no_mangle)]
-extern "C" fn set_loop() -> u32 {
-    on_page(Page::set_loop)
-}
-
-#[unsafe(no_mangle)]
-extern "C" fn find_outlook(scheme: u32, round_trip_s: f64) -> u32 {
-    on_page(|page| page.find_outlook(scheme, round_trip_s))
-}
-
-#[unsafe(no_mangle)]
-extern "C" fn find_curve(scheme: u32, round_trip_s: f64) -> u32 {
-    on_page(|page| page.find_curve(scheme, round_trip_s))
-}
-
-#[unsafe(no_mangle)]
-extern "C" fn find_arms() -> u32 {
-    on_page(Page::find_arms)
 }

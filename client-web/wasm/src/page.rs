@@ -1,26 +1,23 @@
 //! Calls from JavaScript, which passes and takes nothing but numbers: whatever is longer lies in buffers of the module.
 //!
-//! What a call is to look at is written into [`Buffer::BytesIn`] or [`Buffer::NumbersIn`] first; what it found lies in
-//! others until the next call of its kind. Memory moves when it grows, so a buffer is asked for its address each time.
-//! The TypeScript side is `client-web/src/protocol/module.ts`; the two change together.
+//! What a call is to look at is written into [`Buffer::BytesIn`] first; what it found lies in others until the next
+//! call of its kind. Memory moves when it grows, so a buffer is asked for its address each time. The TypeScript side is
+//! `client-web/src/protocol/module.ts`; the two change together.
 
 use teleclay_clay::BrickMesh;
 use teleclay_clay::mirror::COARSE_VOXELS;
 
 use crate::shown::{Detail, Grid, ShownClay};
-use crate::theory::Theory;
 
 /// All that a module holds.
 #[derive(Default)]
 pub struct Page {
     bytes_in: Vec<u8>,
-    numbers_in: Vec<f64>,
     numbers: Vec<f64>,
     refusal: String,
     clay: ShownClay,
     mesh: BrickMesh,
     coarse: Vec<u8>,
-    theory: Theory,
 }
 
 /// A stretch of memory that both sides know.
@@ -28,8 +25,6 @@ pub struct Page {
 pub enum Buffer {
     /// A message, as it came.
     BytesIn,
-    /// `f64`: what a call is to look at.
-    NumbersIn,
     /// `f64`: what a call found.
     Numbers,
     /// UTF-8: why a call was refused.
@@ -57,9 +52,8 @@ impl Buffer {
     /// By the number that JavaScript gives it.
     #[must_use]
     pub fn numbered(number: u32) -> Option<Self> {
-        const ALL: [Buffer; 8] = [
+        const ALL: [Buffer; 7] = [
             Buffer::BytesIn,
-            Buffer::NumbersIn,
             Buffer::Numbers,
             Buffer::Refusal,
             Buffer::Positions,
@@ -77,19 +71,9 @@ impl Page {
         self.bytes_in.resize(length, 0);
     }
 
-    /// Makes room for so many numbers.
-    pub fn resize_numbers_in(&mut self, length: usize) {
-        self.numbers_in.resize(length, 0.0);
-    }
-
     /// The message that is to be looked at.
     pub fn bytes_in(&mut self) -> &mut [u8] {
         &mut self.bytes_in
-    }
-
-    /// The numbers that are to be looked at.
-    pub fn numbers_in(&mut self) -> &mut [f64] {
-        &mut self.numbers_in
     }
 
     /// What the last call found.
@@ -115,7 +99,6 @@ impl Page {
     pub fn address(&self, buffer: Buffer) -> *const u8 {
         match buffer {
             Buffer::BytesIn => self.bytes_in.as_ptr(),
-            Buffer::NumbersIn => self.numbers_in.as_ptr().cast(),
             Buffer::Numbers => self.numbers.as_ptr().cast(),
             Buffer::Refusal => self.refusal.as_ptr(),
             Buffer::Positions => self.mesh.positions.as_ptr().cast(),
@@ -130,7 +113,6 @@ impl Page {
     pub fn length(&self, buffer: Buffer) -> usize {
         match buffer {
             Buffer::BytesIn => self.bytes_in.len(),
-            Buffer::NumbersIn => self.numbers_in.len(),
             Buffer::Numbers => self.numbers.len(),
             Buffer::Refusal => self.refusal.len(),
             Buffer::Positions => self.mesh.positions.len(),
@@ -183,42 +165,6 @@ impl Page {
         self.coarse.clear();
         self.coarse.extend_from_slice(&coarse);
         index
-    }
-
-    /// Takes the loop that the numbers describe, as [`Theory::set_loop`] reads them.
-    pub fn set_loop(&mut self) -> u32 {
-        match self.theory.set_loop(&self.numbers_in) {
-            Ok(()) => DONE,
-            Err(error) => self.refuse(&error),
-        }
-    }
-
-    /// What the loop does, in numbers: [`Theory::outlook`].
-    pub fn find_outlook(&mut self, scheme: u32, round_trip_s: f64) -> u32 {
-        match self.theory.outlook(scheme, round_trip_s) {
-            Ok(outlook) => {
-                self.numbers.clear();
-                self.numbers.extend(outlook);
-                DONE
-            }
-            Err(error) => self.refuse(&error),
-        }
-    }
-
-    /// The loop gain, in numbers: [`Theory::curve`].
-    pub fn find_curve(&mut self, scheme: u32, round_trip_s: f64) -> u32 {
-        match self.theory.curve(scheme, round_trip_s, &mut self.numbers) {
-            Ok(()) => DONE,
-            Err(error) => self.refuse(&error),
-        }
-    }
-
-    /// The robot's arms, in numbers: [`crate::theory::arms`].
-    pub fn find_arms(&mut self) -> u32 {
-        match crate::theory::arms(&self.numbers_in, &mut self.numbers) {
-            Ok(()) => DONE,
-            Err(error) => self.refuse(&error),
-        }
     }
 
     fn refuse(&mut self, error: &dyn std::error::Error) -> u32 {

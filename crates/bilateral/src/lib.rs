@@ -20,7 +20,10 @@ mod tool_view;
 pub use granted::{is_device_tick, lower};
 pub use handle_side::{HandleSide, HandleStep, Lease, LinkState, Retired};
 pub use known::{Known, is_nothing_new, is_same_loop};
-pub use parameters::{LoopModel, ParameterError, clay_shape, material, tool_setup, tool_shape};
+pub use parameters::{
+    FreshClayError, LoopModel, ParameterError, clay_shape, fresh_clay, material, tool_setup,
+    tool_shape,
+};
 pub use received::{NotReceived, ReceivedClay};
 pub use tool_side::{CUTS_A_TICK, Permission, ToolSide, ToolStep};
 pub use tool_view::ToolView;

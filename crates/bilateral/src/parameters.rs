@@ -3,9 +3,11 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use teleclay_clay::classes::Layer;
 use teleclay_clay::{
-    Ball, Blade, BladeDimensions, Coefficients, Cylinder, Material, MaterialError, Shape,
-    ShapeError, SteppedBlock, SteppedDimensions, Tool, ToolError, ToolShape, WireLoop,
+    Ball, Blade, BladeDimensions, Classes, ClassesError, Clay, Coefficients, Cylinder, Material,
+    MaterialError, Shape, ShapeError, SteppedBlock, SteppedDimensions, Tool, ToolError, ToolShape,
+    WireLoop,
 };
 use teleclay_control::{
     DiscreteStateSpace, DiscretiseError, Inverse, InverseError, RationalError, RationalFunction,
@@ -17,7 +19,7 @@ use teleclay_link::motion_limiter::MotionLimits;
 use teleclay_link::replica::{CorrectionLimits, ToolSetup};
 use teleclay_link::safety::{ForceLimits, WatchdogTimes};
 use teleclay_link::scheme::{Coupling, SchemeContext};
-use teleclay_proto::http::ClayShape;
+use teleclay_proto::http::{ClayShape, ClaySpec};
 use teleclay_proto::join::LoopParameters;
 use teleclay_proto::{Axes, ToolDescription};
 
@@ -119,6 +121,39 @@ pub fn clay_shape(description: &ClayShape) -> Result<Shape, ShapeError> {
             width_m: *width_m,
         })?),
     })
+}
+
+/// Why there is no block as a specification describes it.
+#[derive(Debug, thiserror::Error)]
+pub enum FreshClayError {
+    /// Steps that do not ascend, lengths that are none, or too many voxels.
+    #[error(transparent)]
+    Shape(#[from] ShapeError),
+    /// Layers that cannot be.
+    #[error(transparent)]
+    Classes(#[from] ClassesError),
+}
+
+/// The block that a specification describes, fresh, with its layers.
+///
+/// # Errors
+/// There is none of this shape, or its layers cannot be.
+pub fn fresh_clay(spec: &ClaySpec) -> Result<Clay, FreshClayError> {
+    let shape = clay_shape(&spec.shape)?;
+    let mut clay = Clay::new(&shape, spec.voxel_size_m)?;
+    if spec.layers.is_empty() {
+        return Ok(clay);
+    }
+    let mut layers = Vec::with_capacity(spec.layers.len());
+    for layer in &spec.layers {
+        layers.push(Layer {
+            thickness_m: layer.thickness_m,
+            material: material(&layer.material).map_err(ClassesError::from)?,
+        });
+    }
+    let classes = Classes::layers(clay.grid(), shape.size_m()[2], &layers)?;
+    clay.assign_classes(Some(Arc::new(classes)))?;
+    Ok(clay)
 }
 
 /// Where, with what and in what a tool works. Shared, so that it can be exchanged on a tick without being copied or

@@ -1,12 +1,15 @@
-//! The server's clay as a handle receives it: a block, and messages of bricks until every one has been told.
+//! The server's clay as a handle receives it: a block, messages of its classes of material if it has more than one, and
+//! messages of bricks until every one has been told.
 //!
 //! Nothing that a server says is trusted: what shows another block, misses bricks or holds clay where none can be is no
 //! clay.
 
-use teleclay_clay::{BrickView, Clay, ReplaceError, ShapeError};
+use std::sync::Arc;
+
+use teleclay_clay::{BrickView, Classes, ClassesError, Clay, ReplaceError, ShapeError};
 use teleclay_proto::FrameError;
 use teleclay_proto::http::{ClaySpec, Validate};
-use teleclay_proto::watch::{BRICK_VOXELS, BrickBody, BricksView};
+use teleclay_proto::watch::{BRICK_VOXELS, BrickBody, BricksView, ClassesView};
 
 use crate::parameters::clay_shape;
 
@@ -50,6 +53,21 @@ pub enum NotReceived {
     /// It holds clay where none can be.
     #[error("bricks: {0}")]
     Brick(#[from] ReplaceError),
+    /// A part of the classes that does not follow the one before.
+    #[error("classes from byte {got} of {total} on, wanted byte {want} of {want_total}")]
+    ClassesPart {
+        /// Where the part begins.
+        got: u32,
+        /// Of how many it says it is.
+        total: u32,
+        /// Where the next part begins.
+        want: u32,
+        /// Of how many it is.
+        want_total: u32,
+    },
+    /// What came as classes is none, or another block's.
+    #[error(transparent)]
+    Classes(#[from] ClassesError),
     /// The messages are over too early.
     #[error("{missing} of {bricks} bricks did not come")]
     Missing {
@@ -66,6 +84,8 @@ pub struct ReceivedClay {
     epoch: u32,
     is_told: Vec<bool>,
     voxels: Box<[u8; BRICK_VOXELS]>,
+    /// The classes as far as they have come, and how many bytes they are.
+    classes: Option<(Vec<u8>, u32)>,
 }
 
 impl ReceivedClay {
@@ -83,6 +103,7 @@ impl ReceivedClay {
             clay: Box::new(clay),
             epoch,
             voxels: Box::new([0; BRICK_VOXELS]),
+            classes: None,
         })
     }
 
@@ -91,6 +112,9 @@ impl ReceivedClay {
     /// # Errors
     /// It is none, or one of another block.
     pub fn take_in(&mut self, message: &[u8]) -> Result<(), NotReceived> {
+        if let Ok(view) = ClassesView::decode(message) {
+            return self.take_in_classes(&view);
+        }
         let view = BricksView::decode(message)?;
         if view.header.clay_epoch != self.epoch {
             return Err(NotReceived::Epoch {
@@ -124,6 +148,29 @@ impl ReceivedClay {
         Ok(())
     }
 
+    /// Takes in a part of the classes. They come in their order.
+    fn take_in_classes(&mut self, view: &ClassesView<'_>) -> Result<(), NotReceived> {
+        if view.clay_epoch != self.epoch {
+            return Err(NotReceived::Epoch {
+                got: view.clay_epoch,
+                want: self.epoch,
+            });
+        }
+        // Nothing is set aside for what has not come.
+        let (bytes, total) = self.classes.get_or_insert((Vec::new(), view.total));
+        let want = bytes.len() as u32;
+        if (view.offset, view.total) != (want, *total) {
+            return Err(NotReceived::ClassesPart {
+                got: view.offset,
+                total: view.total,
+                want,
+                want_total: *total,
+            });
+        }
+        bytes.extend_from_slice(view.part);
+        Ok(())
+    }
+
     /// Which block it is.
     #[must_use]
     pub fn epoch(&self) -> u32 {
@@ -139,6 +186,11 @@ impl ReceivedClay {
         let missing = self.is_told.iter().filter(|is_told| !**is_told).count();
         if 0 < missing {
             return Err(NotReceived::Missing { missing, bricks });
+        }
+        if let Some((bytes, _)) = &self.classes {
+            // Cut short, they are malformed.
+            let classes = Classes::decode(self.clay.grid(), bytes)?;
+            self.clay.assign_classes(Some(Arc::new(classes)))?;
         }
         // Neither page faults nor hashes of bricks that nobody has touched are the tick's work.
         self.clay.commit_pages();
@@ -160,6 +212,7 @@ mod tests {
                 size_m: [0.048, 0.032, 0.020],
             },
             voxel_size_m: 1e-3,
+            layers: Vec::new(),
         }
     }
 

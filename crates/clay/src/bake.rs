@@ -9,9 +9,10 @@ use thiserror::Error;
 use crate::hash;
 use crate::tool::MAX_TOOL_SIZE_M;
 
-/// Most triangles of a tool.
+/// Most triangles of a tool: more show no finer on the lattice, whose cells they would crowd.
 pub const MAX_MESH_TRIANGLES: usize = 20_000;
-/// Cells along the longest extent of the mesh.
+/// Cells along the longest extent of the mesh: a lattice of three quarters of a megabyte at most, which a
+/// processor keeps at hand.
 const CELLS: f64 = 48.0;
 /// Cells beyond the mesh on every side: what lies farther off is bounded by the distance from there.
 const MARGIN: f64 = 3.0;
@@ -19,7 +20,7 @@ const MARGIN: f64 = 3.0;
 const BAND: f64 = 2.0;
 /// Most looks at a node for a triangle near it: a mesh of many large triangles across each other takes more.
 const MOST_LOOKS: usize = 50_000_000;
-/// Points that feel.
+/// Points that feel: twice those of the largest face of a blade, since about half of them trail.
 const SAMPLES: usize = 512;
 /// Steps of a sequence that spreads points evenly over a square,: powers of the
 /// inverse of the plastic number.
@@ -121,7 +122,7 @@ impl Baked {
         let most = [0, 1, 2].map(|axis| bound(axis, f64::max, f64::NEG_INFINITY));
         let extents = sub(most, least);
         let cell_m = extents.into_iter().fold(0.0, f64::max) / CELLS;
-        if !(0.0 < cell_m) {
+        if cell_m <= 0.0 {
             return Err(MeshToolError::Thin);
         }
         let nodes =
@@ -147,7 +148,7 @@ impl Baked {
             })
             .collect();
         let deepest = distance.iter().copied().fold(0.0, f32::min);
-        if !(deepest < 0.0) {
+        if 0.0 <= deepest {
             return Err(MeshToolError::Thin);
         }
         let samples = samples(&corners_m);
@@ -208,7 +209,8 @@ fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     ]
 }
 
-/// Which nodes are inside: along each line of nodes parallel to x, triangles that face back are ways in, others ways out.
+/// Which nodes are inside: along each line of nodes parallel to x, triangles that face back are ways in, others ways
+/// out.
 ///
 /// A line that meets an edge or a corner counts as one that passes a little to one side of it, the same for all
 /// triangles there, so that it crosses one of them and not none or two.

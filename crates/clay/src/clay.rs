@@ -2,15 +2,18 @@
 
 mod mesh;
 
+use std::sync::Arc;
+
 use thiserror::Error;
 
 use crate::carve::{self, Cleared, Start, Tables};
 use crate::changes::Changes;
+use crate::classes::{Classes, ClassesError};
 use crate::engage::{self, Faces, Tool};
 use crate::field::{self, BrickView, Field};
 use crate::grid::{BRICK_EDGE, BrickIndex, Grid};
 use crate::hash::Hashes;
-use crate::law::{self, ContactState, Material, Motion, Response};
+use crate::law::{self, ContactState, Engaged, Material, Motion, Response};
 use crate::pose::Pose;
 use crate::shape::{Shape, ShapeError};
 use crate::sweep::Sweep;
@@ -31,6 +34,7 @@ pub struct Clay {
     hashes: Hashes,
     cleared: Cleared,
     tables: Tables,
+    classes: Option<Arc<Classes>>,
 }
 
 /// Content that a brick cannot take.
@@ -89,6 +93,7 @@ impl Clay {
             hashes,
             cleared: Cleared::default(),
             tables: Tables::new(),
+            classes: None,
         })
     }
 
@@ -110,6 +115,7 @@ impl Clay {
             hashes: Hashes::none(&grid),
             cleared: Cleared::default(),
             tables: Tables::new(),
+            classes: None,
         };
         for brick in 0..bricks {
             let index = BrickIndex::new(brick);
@@ -179,7 +185,8 @@ impl Clay {
         }
     }
 
-    /// What the clay answers to a tool that moves but must not cut.
+    /// What the clay answers to a tool that moves but must not cut. `material` is what the first class resists with: all
+    /// of the clay, unless it [has more](Clay::assign_classes).
     pub fn feel(
         &self,
         tool: &Tool,
@@ -187,9 +194,50 @@ impl Clay {
         motion: &Motion,
         contact: &mut ContactState,
     ) -> Response {
-        let directions = law::directions(material, contact, motion);
-        let areas_m2 = engage::engaged_areas_m2(&self.field, tool.faces(), motion.to(), directions);
-        law::respond(material, contact, motion, areas_m2)
+        self.feel_with(tool.faces(), material, motion, contact)
+    }
+
+    /// What the clay answers to faces that move but do not cut.
+    fn feel_with(
+        &self,
+        faces: &Faces,
+        material: &Material,
+        motion: &Motion,
+        contact: &mut ContactState,
+    ) -> Response {
+        let Some(classes) = &self.classes else {
+            let directions = law::directions(material.springs(), contact, motion);
+            let areas_m2 = engage::engaged_areas_m2(&self.field, faces, motion.to(), directions);
+            let ahead = areas_m2.map(|area_m2| Engaged::one(material, area_m2, motion));
+            return law::respond(contact, motion, ahead);
+        };
+        let springs = material.springs() || classes.further().iter().any(Material::springs);
+        let directions = law::directions(springs, contact, motion);
+        let areas_m2 = engage::class_areas_m2(&self.field, classes, faces, motion.to(), directions);
+        let ahead = areas_m2.map(|areas_m2| {
+            let materials = std::iter::once(material).chain(classes.further());
+            Engaged::several(materials.zip(areas_m2), motion)
+        });
+        law::respond(contact, motion, ahead)
+    }
+
+    /// The classes of the block, if there is more than one.
+    #[must_use]
+    pub const fn classes(&self) -> Option<&Arc<Classes>> {
+        self.classes.as_ref()
+    }
+
+    /// Gives a block its classes before anybody works on it: what is at a place is then of the class that it has there.
+    /// Cutting removes clay, and leaves the class of the place as it was.
+    ///
+    /// # Errors
+    /// The classes are those of another grid; nothing has changed then.
+    pub fn assign_classes(&mut self, classes: Option<Arc<Classes>>) -> Result<(), ClassesError> {
+        if let Some(classes) = &classes {
+            classes.check_grid(self.grid())?;
+        }
+        self.classes = classes;
+        Ok(())
     }
 
     /// Area of the tool's leading face that has clay ahead of it when the tool moves in a direction, m². The direction
@@ -360,11 +408,12 @@ impl Clay {
         self.hashes.of_brick(brick)
     }
 
-    /// Hash of the whole clay, grid included. Only bricks changed since the last call are read: about half a
-    /// microsecond each.
+    /// Hash of the whole clay, grid and classes included. Only bricks changed since the last call are read: about half
+    /// a microsecond each.
     pub fn hash(&mut self) -> u64 {
         self.refresh_hashes(usize::MAX);
-        self.hashes.total()
+        let classes = self.classes.as_ref().map_or(0, |classes| classes.digest());
+        self.hashes.total().wrapping_add(classes)
     }
 
     /// Brings up to `most` brick hashes up to date and returns how many are left, to spread the work of [`Clay::hash`]

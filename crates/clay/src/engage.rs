@@ -5,10 +5,10 @@
 //! ```
 //!
 //! with `n` the outward normal, `d` the direction of motion and `e` 1 where clay stands ahead, 0 where air does. A ball
-//! wholly in clay has `pi r^2`, a blade its width times the depth of cut, an upright cylinder its diameter times that, a
-//! loop drawn flat through clay the ring of its wire, `2 pi R d` for a wire of thickness `d`. The integral is a sum over points that are
-//! fixed in the tool, so what is summed does not depend on the speed, and a removed volume never has to be divided by a
-//! small step.
+//! wholly in clay has `pi r^2`, a blade its width times the depth of cut, an upright cylinder its diameter times that,
+//! a loop drawn flat through clay the ring of its wire, `2 pi R d` for a wire of thickness `d`. The integral is a sum
+//! over points that are fixed in the tool, so what is summed does not depend on the speed, and a removed volume never
+//! has to be divided by a small step.
 //!
 //! `e` is read where, going from a point of the face in the direction of motion, one voxel ([`LOOK_AHEAD_VOXELS`]) lies
 //! between the place and the face: straight ahead that is one voxel on, towards the rim of a ball some voxels. Seen
@@ -21,6 +21,7 @@ mod points;
 mod rod;
 mod sampler;
 
+use crate::classes::{Classes, MAX_CLASSES};
 use crate::field::Field;
 use crate::lanes::{Work, widely};
 use crate::pose::Pose;
@@ -46,15 +47,11 @@ pub(crate) fn engaged_areas_m2(
     if sampler.is_in_air(faces) {
         return [0.0; 2];
     }
-    let [a, b] = directions;
-    let cosine = a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-    if NEARLY_PARALLEL < cosine {
-        let sum = std::array::from_fn(|axis| a[axis] + b[axis]);
-        let length = (2.0 + 2.0 * cosine).sqrt();
+    if let Some(ahead) = between(directions) {
         return widely(FeelClose {
             sampler,
             faces,
-            ahead: sum.map(|d: f64| d / length),
+            ahead,
             directions,
         });
     }
@@ -67,6 +64,40 @@ pub(crate) fn engaged_areas_m2(
             faces,
             ahead,
         })
+    })
+}
+
+/// Likewise, of each class of the clay.
+pub(crate) fn class_areas_m2(
+    field: &Field,
+    classes: &Classes,
+    faces: &Faces,
+    pose: Pose,
+    directions: [[f64; 3]; 2],
+) -> [[f64; MAX_CLASSES]; 2] {
+    let sampler = Sampler::new(field, faces, pose);
+    let none = [0.0; MAX_CLASSES];
+    if sampler.is_in_air(faces) {
+        return [none; 2];
+    }
+    if let Some(ahead) = between(directions) {
+        return sampler.class_areas_m2(classes, faces, ahead, directions);
+    }
+    directions.map(|ahead| {
+        if ahead.iter().all(|d| d.abs() <= 0.0) {
+            return none;
+        }
+        let [areas_m2] = sampler.class_areas_m2(classes, faces, ahead, [ahead]);
+        areas_m2
+    })
+}
+
+/// The unit direction between two that are nearly parallel.
+fn between([a, b]: [[f64; 3]; 2]) -> Option<[f64; 3]> {
+    let cosine = a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    (NEARLY_PARALLEL < cosine).then(|| {
+        let length = (2.0 + 2.0 * cosine).sqrt();
+        std::array::from_fn(|axis| (a[axis] + b[axis]) / length)
     })
 }
 

@@ -102,6 +102,19 @@ pub(crate) fn fold(digest: u64, value: u64) -> u64 {
     finish(step(digest, value))
 }
 
+/// Digest of any bytes, their number included.
+pub(crate) fn of_bytes(bytes: &[u8]) -> u64 {
+    let (words, rest) = bytes.as_chunks::<8>();
+    let mut last = [0; 8];
+    last[..rest.len()].copy_from_slice(rest);
+    let lane = words
+        .iter()
+        .chain([&last])
+        .map(|word| u64::from_le_bytes(*word))
+        .fold(ODD, step);
+    finish(step(lane, bytes.len() as u64))
+}
+
 /// Each round gives every lane a word.
 fn of_rounds(rounds: impl Iterator<Item = [u64; LANES]>) -> u64 {
     let mut lanes: [u64; LANES] = std::array::from_fn(|lane| ODD_TOO.wrapping_mul(lane as u64 + 1));

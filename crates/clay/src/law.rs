@@ -16,13 +16,26 @@
 //!
 //! The spring stretches by `u` until `K |u| = sigma_y A`; from there on its far end slides along.
 //!
+//! # Several materials
+//!
+//! Where the clay ahead is of several [classes](crate::classes), each answers over its own part `A_c` of the area. Flow
+//! adds up: `F = -sum_c (sigma_c + k_c |v|) A_c v / |v|`. There is one spring, of all classes that have one. It bears
+//! `Y = sum_c sigma_c A_c` before it slides, and it is as stiff as a punch on the mean of their moduli, by area:
+//!
+//! ```text
+//! K = 2 E sqrt(A / pi),  A = sum_c A_c,  E = sum_c E_c A_c / A
+//! ```
+//!
+//! With one class these are the formulas above.
+//!
 //! # Passivity
 //!
 //! Let a tick move the tool by `D` and answer with `F`. The work the tool does is `-F . D`; the spring's energy is
 //! `S = K |u|^2 / 2`. When the area grows, so would the energy of a stretch already there: the stretch is then
 //! shortened to keep the energy, `u0 = u sqrt(K_old / K)`. With `u = u0 + D` less the slide `p`, which points along
 //! `u`, `K u . D >= K (|u|^2 - |u0|^2) / 2 + K u . p >= S - S_old`. So over any closed cycle the tool gives at least
-//! what it takes, whatever happens to the area.
+//! what it takes. Nothing in this asks where `K` and the bound on `K |u|` come from, only that neither is below zero:
+//! it holds whatever happens to the area, and whatever the classes in it.
 
 use thiserror::Error;
 
@@ -97,11 +110,11 @@ impl Material {
     /// Stiffness below yield over an engaged area, N/m: that of a flat round punch. 0 for rigid clay.
     #[must_use]
     pub fn stiffness_n_per_m(&self, area_m2: f64) -> f64 {
-        2.0 * self.coefficients.stiffness_pa * (area_m2 / std::f64::consts::PI).sqrt()
+        punch_n_per_m(self.coefficients.stiffness_pa, area_m2)
     }
 
     /// Whether the clay springs back below yield, and so needs the area in the direction of the stretch.
-    fn springs(&self) -> bool {
+    pub(crate) fn springs(&self) -> bool {
         0.0 < self.coefficients.stiffness_pa && 0.0 < self.coefficients.yield_stress_pa
     }
 }
@@ -226,14 +239,76 @@ pub struct Response {
     pub dissipated_j: f64,
 }
 
+/// Stiffness of a flat round punch of an area on an elastic half space, N/m.
+fn punch_n_per_m(modulus_pa: f64, area_m2: f64) -> f64 {
+    2.0 * modulus_pa * (area_m2 / std::f64::consts::PI).sqrt()
+}
+
+/// What stands ahead of a tool in a direction, as the law adds it up: of one material, or of several.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Engaged {
+    area_m2: f64,
+    /// Force per speed while the clay flows, N s/m. The yield of what does not spring is in it.
+    resistance_n_s_per_m: f64,
+    /// Yield force of what springs, N.
+    springs_up_to_n: f64,
+    /// Stiffness of what springs, N/m.
+    stiffness_n_per_m: f64,
+}
+
+impl Engaged {
+    /// Clay of one material.
+    pub(crate) fn one(material: &Material, area_m2: f64, motion: &Motion) -> Self {
+        let mut engaged = Self::default();
+        engaged.add(material, area_m2, norm(motion.velocity_m_s));
+        if material.springs() {
+            engaged.stiffness_n_per_m = material.stiffness_n_per_m(area_m2);
+        }
+        engaged
+    }
+
+    /// Clay of several materials, each over an area of its own.
+    pub(crate) fn several<'a>(
+        parts: impl Iterator<Item = (&'a Material, f64)>,
+        motion: &Motion,
+    ) -> Self {
+        let speed_m_s = norm(motion.velocity_m_s);
+        let mut engaged = Self::default();
+        let (mut modulus_n, mut springing_m2) = (0.0, 0.0);
+        for (material, area_m2) in parts {
+            engaged.add(material, area_m2, speed_m_s);
+            if material.springs() {
+                modulus_n += material.coefficients.stiffness_pa * area_m2;
+                springing_m2 += area_m2;
+            }
+        }
+        if 0.0 < springing_m2 {
+            engaged.stiffness_n_per_m = punch_n_per_m(modulus_n / springing_m2, springing_m2);
+        }
+        engaged
+    }
+
+    fn add(&mut self, material: &Material, area_m2: f64, speed_m_s: f64) {
+        let Coefficients {
+            viscosity_pa_s_per_m,
+            yield_stress_pa,
+            ..
+        } = material.coefficients;
+        let mut pressure_per_speed = viscosity_pa_s_per_m;
+        if material.springs() {
+            self.springs_up_to_n += yield_stress_pa * area_m2;
+        } else {
+            pressure_per_speed += yield_stress_pa / speed_m_s.max(RIGID_YIELD_SPEED_M_S);
+        }
+        self.area_m2 += area_m2;
+        self.resistance_n_s_per_m += pressure_per_speed * area_m2;
+    }
+}
+
 /// The unit directions in which the area matters: of the motion, and of the stretch. Zero where it does not matter.
-pub(crate) fn directions(
-    material: &Material,
-    contact: &ContactState,
-    motion: &Motion,
-) -> [[f64; 3]; 2] {
+pub(crate) fn directions(springs: bool, contact: &ContactState, motion: &Motion) -> [[f64; 3]; 2] {
     let moving = unit(motion.velocity_m_s);
-    if !material.springs() {
+    if !springs {
         return [moving, [0.0; 3]];
     }
     let way_m = motion.to.displacement_from_m(motion.from);
@@ -241,37 +316,23 @@ pub(crate) fn directions(
     [moving, unit(stretch_m)]
 }
 
-/// One tick of the law over areas found in the [`directions`].
+/// One tick of the law over what stands ahead in the [`directions`].
 pub(crate) fn respond(
-    material: &Material,
     contact: &mut ContactState,
     motion: &Motion,
-    areas_m2: [f64; 2],
+    [moving, stretched]: [Engaged; 2],
 ) -> Response {
-    let Coefficients {
-        viscosity_pa_s_per_m,
-        yield_stress_pa,
-        ..
-    } = material.coefficients;
-    let [moving_area_m2, stretched_area_m2] = areas_m2;
     let way_m = motion.to.displacement_from_m(motion.from);
     let before_j = contact.stored_j();
     let speed_m_s = norm(motion.velocity_m_s);
 
-    let mut pressure_per_speed = viscosity_pa_s_per_m;
-    let mut regime = if 0.0 < moving_area_m2 && 0.0 < speed_m_s {
-        Regime::Flowing
-    } else {
-        Regime::Free
-    };
-    if material.springs() {
-        regime = stretch(material, contact, way_m, stretched_area_m2);
-    } else {
-        *contact = ContactState::default();
-        pressure_per_speed += yield_stress_pa / speed_m_s.max(RIGID_YIELD_SPEED_M_S);
+    let mut regime = stretch(contact, way_m, &stretched);
+    let flows = 0.0 < moving.area_m2 && 0.0 < speed_m_s;
+    if regime == Regime::Free && flows {
+        regime = Regime::Flowing;
     }
     let force_n: [f64; 3] = std::array::from_fn(|axis| {
-        -pressure_per_speed * moving_area_m2 * motion.velocity_m_s[axis]
+        -moving.resistance_n_s_per_m * motion.velocity_m_s[axis]
             - contact.stiffness_n_per_m * contact.stretch_m[axis]
     });
     let stored_j = contact.stored_j();
@@ -280,9 +341,9 @@ pub(crate) fn respond(
     Response {
         force_n,
         engaged_area_m2: if 0.0 < speed_m_s {
-            moving_area_m2
+            moving.area_m2
         } else {
-            stretched_area_m2
+            stretched.area_m2
         },
         regime,
         stored_j,
@@ -291,13 +352,8 @@ pub(crate) fn respond(
 }
 
 /// Stretches the spring by the tool's way and lets it slide where it exceeds what the clay bears.
-fn stretch(
-    material: &Material,
-    contact: &mut ContactState,
-    way_m: [f64; 3],
-    area_m2: f64,
-) -> Regime {
-    let stiffness_n_per_m = material.stiffness_n_per_m(area_m2);
+fn stretch(contact: &mut ContactState, way_m: [f64; 3], engaged: &Engaged) -> Regime {
+    let stiffness_n_per_m = engaged.stiffness_n_per_m;
     if stiffness_n_per_m <= 0.0 {
         *contact = ContactState::default();
         return Regime::Free;
@@ -309,7 +365,7 @@ fn stretch(
     };
     let trial_m: [f64; 3] =
         std::array::from_fn(|axis| contact.stretch_m[axis] * kept + way_m[axis]);
-    let most_m = material.coefficients.yield_stress_pa * area_m2 / stiffness_n_per_m;
+    let most_m = engaged.springs_up_to_n / stiffness_n_per_m;
     let length_m = norm(trial_m);
     let (held, regime) = if most_m < length_m {
         (most_m / length_m, Regime::Flowing)

@@ -23,6 +23,7 @@
 mod bake;
 mod carve;
 mod changes;
+pub mod classes;
 mod clay;
 mod engage;
 mod field;
@@ -42,6 +43,7 @@ mod sweep;
 mod tool;
 
 pub use bake::{MAX_MESH_TRIANGLES, MeshToolError};
+pub use classes::{Classes, ClassesError, MAX_CLASSES};
 pub use clay::{Clay, ReplaceError, UNITS_PER_VOXEL, Worked};
 pub use engage::{LOOK_AHEAD_VOXELS, Tool, row_spacing_m};
 pub use field::{BrickView, SOLID};

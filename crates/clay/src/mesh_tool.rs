@@ -5,8 +5,8 @@ use std::sync::Arc;
 use crate::bake::{Baked, MeshToolError};
 use crate::engage::Faces;
 
-/// A closed mesh as a tool: baked once to signed distances on a lattice of 48 cells along its longest extent, at most a
-/// megabyte, and to points that feel. A copy shares what was baked.
+/// A closed mesh as a tool: baked once to signed distances on a lattice of 48 cells along its longest extent, and to
+/// points that feel. A copy shares what was baked.
 ///
 /// It keeps its orientation, as every tool does. What it cuts is a function of the lattice, which is a function of the
 /// mesh: the same mesh gives the same bits on every machine ([`digest`](Self::digest)).

@@ -6,12 +6,21 @@
 //!                                                       | 2 | rows         (count, occupancy) up to 4096 voxels
 //!                                                       | 3 | 4096 bytes
 //! ```
+//!
+//! Clay of several classes of material is written as version 2. There the classes stand between the hash and the bricks,
+//! as [their own module](teleclay_clay::classes) writes them, behind their length, a number. Clay of one class is
+//! written as version 1, as it always was.
 
-use teleclay_clay::{BRICK_VOXELS, BrickIndex, BrickView, Clay, Grid};
+use std::sync::Arc;
 
-use crate::bytes::{Malformed, Reader, put_number};
+use teleclay_clay::{BRICK_VOXELS, BrickIndex, BrickView, Classes, Clay, Grid};
 
+use crate::bytes::{Malformed, Reader, put_number, put_text};
+
+/// Of clay of one class.
 const VERSION: u8 = 1;
+/// Of clay of several.
+const WITH_CLASSES: u8 = 2;
 const AIR: u8 = 0;
 const SOLID: u8 = 1;
 const ROWS: u8 = 2;
@@ -20,13 +29,17 @@ const VOXELS: u8 = 3;
 /// Writes clay behind what `out` holds.
 pub fn encode(clay: &mut Clay, out: &mut Vec<u8>) {
     let grid = *clay.grid();
-    out.push(VERSION);
+    let classes = clay.classes().cloned();
+    out.push(classes.as_ref().map_or(VERSION, |_| WITH_CLASSES));
     for count in grid.voxels() {
         put_number(out, count.into());
     }
     out.extend_from_slice(&grid.voxel_size_m().to_le_bytes());
     put_number(out, clay.initial_units());
     out.extend_from_slice(&clay.hash().to_le_bytes());
+    if let Some(classes) = &classes {
+        put_text(out, classes.encoded());
+    }
     let mut equal = (AIR, 0);
     for brick in bricks(&grid) {
         let view = clay.brick(brick);
@@ -88,7 +101,7 @@ enum Content {
 /// The bytes are none, or the clay is not the one that was written. Whatever they are, nothing panics.
 pub fn decode(bytes: &[u8]) -> Result<Clay, Malformed> {
     let mut reader = Reader::new(bytes);
-    reader.version(VERSION)?;
+    let version = reader.version(WITH_CLASSES)?;
     let mut voxels = [0_u16; 3];
     for count in &mut voxels {
         *count = reader.small("voxels")?;
@@ -99,6 +112,12 @@ pub fn decode(bytes: &[u8]) -> Result<Clay, Malformed> {
     let initial_units = reader.number("the fresh block's units")?;
     let hash = reader.slice(8, "a hash")?;
     let hash = u64::from_le_bytes(std::array::from_fn(|at| hash[at]));
+    let classes = if version < WITH_CLASSES {
+        None
+    } else {
+        let classes = Classes::decode(&grid, reader.text("classes")?);
+        Some(Arc::new(classes.map_err(|error| text(&error))?))
+    };
     let mut contents = Vec::new();
     while contents.len() < grid.brick_count() {
         read_content(&mut reader, grid.brick_count(), &mut contents)?;
@@ -116,6 +135,7 @@ pub fn decode(bytes: &[u8]) -> Result<Clay, Malformed> {
         }
     });
     let mut clay = clay.map_err(|error| text(&error))?;
+    clay.assign_classes(classes).map_err(|error| text(&error))?;
     if clay.hash() != hash {
         return Err(Malformed::Value {
             what: "the clay's hash",

@@ -235,20 +235,20 @@ fn a_stop_whose_releases_were_not_kept_leaves_nobody_with_a_tool_and_nothing_dec
 #[test]
 fn only_what_names_a_later_tool_has_a_later_version() {
     let ball = ToolDescription::Ball { radius_m: 0.004 };
+    let blade = ToolDescription::Blade {
+        width_m: 0.01,
+        height_m: 0.02,
+        thickness_m: 0.004,
+    };
     let cylinder = ToolDescription::Cylinder {
         radius_m: 0.004,
         height_m: 0.02,
     };
     let wire = ToolDescription::Loop {
         ring_radius_m: 0.006,
-        wire_diameter_m: 0.002,
+        wire_diameter_m: 0.004,
     };
-    let versions = [
-        (ball, 1, 2),
-        (ToolDescription::default(), 1, 2),
-        (cylinder, 2, 3),
-        (wire, 2, 3),
-    ];
+    let versions = [(ball, 1, 2), (blade, 1, 2), (cylinder, 2, 3), (wire, 2, 3)];
     for (tool, of_record, of_snapshot) in versions {
         let session = Session::new(setup(NewSession {
             tool,

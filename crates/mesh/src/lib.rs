@@ -7,6 +7,7 @@
 //! | [`threemf`] | 3MF packages, written and read |
 //! | [`glb`] | binary glTF 2.0, written |
 //! | [`fill`](mod@fill) | a closed mesh as clay |
+//! | [`volume`] | volumes of samples, NRRD and MetaImage, read, and as clay of several classes |
 //! | [`error`] | why something is no mesh, or none that can be clay |
 //!
 //! Binary STL is written by [`teleclay_clay::stl`]. Everything here is a pure function of what is passed in, and the
@@ -36,9 +37,11 @@ pub mod glb;
 pub mod stl;
 pub mod threemf;
 pub mod triangles;
+pub mod volume;
 
 pub use error::{Format, MeshError};
 pub use fill::{Placement, fill};
 pub use stl::read_stl;
 pub use threemf::read_3mf;
 pub use triangles::TriangleMesh;
+pub use volume::{Thresholds, Volume, VolumeError, fill_volume, read_metaimage, read_nrrd};

@@ -19,6 +19,8 @@ impl Pointer {
         let spec = ClaySpec {
             shape: clay.shape,
             voxel_size_m: clay.voxel_size_m,
+            // Its classes come with the bricks.
+            layers: Vec::new(),
         };
         self.received = Some(ReceivedClay::begin(&spec, clay.epoch)?);
         Ok(())

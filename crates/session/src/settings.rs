@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use teleclay_bilateral::{clay_shape, material, tool_shape};
+use teleclay_bilateral::{FreshClayError, clay_shape, fresh_clay, material, tool_shape};
 use teleclay_clay::{Clay, Material, ToolShape};
 use teleclay_link::conditioner;
 use teleclay_proto::ToolDescription;
@@ -54,6 +54,7 @@ impl Settings {
     pub fn new(spec: NewSession) -> Result<Self, SettingsError> {
         spec.validate()?;
         proven_material(&spec.material)?;
+        proven_layers(&spec.clay.layers).map_err(|error| error.under("/clay"))?;
         proven_tool(&spec.tool)?;
         Ok(Self {
             revision: 0,
@@ -109,6 +110,10 @@ impl Settings {
             proven_material(&material)?;
             next.spec.material = material;
         }
+        if let Some(layers) = &reset.layers {
+            proven_layers(layers)?;
+            next.spec.clay.layers.clone_from(layers);
+        }
         let LoopParameters {
             home_m, reach_m, ..
         } = parameters(&next.spec);
@@ -127,9 +132,10 @@ impl Settings {
         let at = |field: &'static str| {
             move |error: &dyn std::fmt::Display| FieldError::new(field, error.to_string())
         };
-        let shape = clay_shape(&clay.shape).map_err(|error| at("/shape")(&error))?;
-        let mut block =
-            Clay::new(&shape, clay.voxel_size_m).map_err(|error| at("/shape")(&error))?;
+        let mut block = fresh_clay(clay).map_err(|error| match error {
+            FreshClayError::Shape(error) => at("/shape")(&error),
+            FreshClayError::Classes(error) => at("/layers")(&error),
+        })?;
         block
             .admits(&proven_tool(&self.spec.tool)?)
             .map_err(|error| at("/voxel_size_m")(&error))?;
@@ -186,6 +192,14 @@ impl Settings {
 
 fn proven_material(raw: &http::Material) -> Result<Material, FieldError> {
     material(raw).map_err(|error| FieldError::new("/material", error.to_string()))
+}
+
+fn proven_layers(raw: &[http::Layer]) -> Result<(), FieldError> {
+    for (index, layer) in raw.iter().enumerate() {
+        proven_material(&layer.material)
+            .map_err(|error| error.under(&format!("/layers/{index}")))?;
+    }
+    Ok(())
 }
 
 fn proven_tool(raw: &ToolDescription) -> Result<ToolShape, FieldError> {

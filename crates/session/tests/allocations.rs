@@ -131,6 +131,7 @@ fn neither_a_steady_tick_nor_a_command_touches_the_heap() {
                     size_m: [0.040, 0.030, 0.016],
                 }),
                 material: None,
+                layers: None,
             },
             lease: None,
         },

@@ -110,6 +110,7 @@ fn commands() -> impl Strategy<Value = Command> {
             reset: ClayReset {
                 shape: size_m.map(|size_m| ClayShape::Block { size_m }),
                 material: None,
+                layers: None,
             },
             lease,
         });

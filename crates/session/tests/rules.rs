@@ -383,6 +383,7 @@ fn a_fresh_block_of_another_shape_moves_home_and_reach_with_it() {
             reset: ClayReset {
                 shape: Some(shape),
                 material: None,
+                layers: None,
             },
             lease: None,
         })

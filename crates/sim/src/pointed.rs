@@ -100,6 +100,7 @@ impl Pointed {
                     size_m: setup.size_m,
                 },
                 voxel_size_m: setup.voxel_size_m,
+                ..ClaySpec::default()
             },
             ..NewSession::new(SessionId::new("pointed").expect("a constant name is valid"))
         };

@@ -5,8 +5,8 @@ use std::ops::RangeInclusive;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-use super::Material;
 use super::schema::{BlockEdge, BlockPlace, EDGE_M, PLACE_M};
+use super::{Material, MaterialChoice};
 use crate::validate::{FieldError, Validate, check};
 use crate::word::words;
 
@@ -18,6 +18,9 @@ pub const MAX_VOXELS: u64 = 1 << 29;
 
 /// Most steps of a stepped block.
 pub const MAX_STEPS: usize = 64;
+
+/// Most layers of a block: its classes of material are 8 at most, and one is below them.
+pub const MAX_LAYERS: usize = 7;
 
 /// Edge of a voxel.
 const VOXEL_M: RangeInclusive<f64> = 1e-5..=0.1;
@@ -72,6 +75,23 @@ pub struct ClaySpec {
     /// Edge of a voxel, m.
     #[schema(minimum = 1e-5, maximum = 0.1)]
     pub voxel_size_m: f64,
+    /// Layers of other materials, from the top of the block downwards; what is below them resists with the session's
+    /// material. At most 7.
+    #[schema(max_items = 7)]
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub layers: Vec<Layer>,
+}
+
+/// A layer of a block. In JSON `{"thickness_m": 0.01, "material": {"preset": "foam"}}`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Layer {
+    /// How thick it is, m. It ends at the boundary between voxels that is nearest.
+    #[schema(value_type = BlockEdge)]
+    pub thickness_m: f64,
+    /// What it resists with.
+    #[schema(value_type = MaterialChoice)]
+    pub material: Material,
 }
 
 /// Asks for a fresh block.
@@ -87,13 +107,21 @@ pub struct ClayReset {
     )]
     pub shape: Option<ClayShape>,
     /// Its material; the material of the last block when left out.
-    #[schema(nullable = false)]
+    #[schema(nullable = false, value_type = Option<MaterialChoice>)]
     #[serde(
         default,
         skip_serializing_if = "Option::is_none",
         deserialize_with = "crate::validate::present"
     )]
     pub material: Option<Material>,
+    /// Its layers; those of the last block when left out, and none when empty.
+    #[schema(nullable = false, max_items = 7)]
+    #[serde(
+        default,
+        skip_serializing_if = "Option::is_none",
+        deserialize_with = "crate::validate::present"
+    )]
+    pub layers: Option<Vec<Layer>>,
 }
 
 impl ClayShape {
@@ -147,6 +175,7 @@ impl Default for ClaySpec {
         Self {
             shape: ClayShape::default(),
             voxel_size_m: 5e-4,
+            layers: Vec::new(),
         }
     }
 }
@@ -214,8 +243,24 @@ impl Validate for ClaySpec {
             let detail = format!("{in_all} voxels in all, wanted at most {MAX_VOXELS}");
             return Err(FieldError::new("/voxel_size_m", detail));
         }
-        Ok(())
+        check_layers(&self.layers)
     }
+}
+
+impl Validate for Layer {
+    fn validate(&self) -> Result<(), FieldError> {
+        check_length("/thickness_m", self.thickness_m)?;
+        self.material.validate_under("/material")
+    }
+}
+
+fn check_layers(layers: &[Layer]) -> Result<(), FieldError> {
+    if MAX_LAYERS < layers.len() {
+        let detail = format!("{} layers, wanted at most {MAX_LAYERS}", layers.len());
+        return Err(FieldError::new("/layers", detail));
+    }
+    let mut layers = layers.iter().enumerate();
+    layers.try_for_each(|(index, layer)| layer.validate_under(&format!("/layers/{index}")))
 }
 
 fn check_length(pointer: &str, length: f64) -> Result<(), FieldError> {
@@ -225,7 +270,8 @@ fn check_length(pointer: &str, length: f64) -> Result<(), FieldError> {
 impl Validate for ClayReset {
     fn validate(&self) -> Result<(), FieldError> {
         self.shape.validate_under("/shape")?;
-        self.material.validate_under("/material")
+        self.material.validate_under("/material")?;
+        check_layers(self.layers.as_deref().unwrap_or_default())
     }
 }
 

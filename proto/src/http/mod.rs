@@ -10,6 +10,7 @@ mod hash;
 mod health;
 mod history;
 mod manners;
+mod materials;
 mod network;
 mod patch;
 mod problem;
@@ -21,7 +22,9 @@ pub mod theory;
 
 pub use crate::validate::{FieldError, Validate, readable};
 pub use body::{BodyError, parse};
-pub use clay::{ClayReset, ClayShape, ClaySpec, MAX_STEPS, MAX_VOXELS, MAX_VOXELS_PER_AXIS};
+pub use clay::{
+    ClayReset, ClayShape, ClaySpec, Layer, MAX_LAYERS, MAX_STEPS, MAX_VOXELS, MAX_VOXELS_PER_AXIS,
+};
 pub use hash::{ClayHash, ClayHashError};
 pub use health::{Health, HealthStatus, Readiness};
 pub use history::{
@@ -31,6 +34,7 @@ pub use manners::{
     ControlRequest, Denial, MAX_NAME, MAX_REASON, NO_REASON, Stop, StopClearing, StopRequest,
     check_name, check_reason,
 };
+pub use materials::{MaterialPreset, Materials};
 pub use network::{Burst, Impairment, JitterDistribution, Network, Outage};
 pub use patch::{
     BurstPatch, ImpairmentPatch, MaterialPatch, NetworkPatch, OutagePatch, SessionPatch,
@@ -42,4 +46,6 @@ pub use session::{
     SessionState, StorageReport, StorageState, TickQuantiles, ToolState,
 };
 
-pub use crate::{Axes, Material, NodeName, Scheme, SessionId, ToolDescription};
+pub use crate::{
+    Axes, Material, MaterialChoice, NodeName, Preset, Scheme, SessionId, ToolDescription,
+};

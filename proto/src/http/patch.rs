@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use super::network::{Burst, Impairment, JitterDistribution, Network, Outage};
-use super::{Material, Scheme};
+use super::{Material, MaterialChoice, Scheme};
 use crate::validate::{FieldError, Validate, check};
 
 /// Body of `PATCH /sessions/{id}`.
@@ -20,7 +20,7 @@ pub struct SessionPatch {
     )]
     pub scheme: Option<Scheme>,
     /// Another material.
-    #[schema(nullable = false)]
+    #[schema(nullable = false, value_type = Option<MaterialChoice>)]
     #[serde(
         default,
         skip_serializing_if = "Option::is_none",
@@ -53,33 +53,18 @@ pub struct SessionPatch {
     pub paused: Option<bool>,
 }
 
-/// Changes of a material.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
-#[serde(deny_unknown_fields)]
+/// Changes of a material: its numbers, or a [preset](super::Preset) with numbers of its own.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(from = "MaterialChoice")]
 pub struct MaterialPatch {
     /// Stress per speed, Pa·s/m.
-    #[schema(nullable = false, minimum = 0, maximum = 1e7)]
-    #[serde(
-        default,
-        skip_serializing_if = "Option::is_none",
-        deserialize_with = "crate::validate::present"
-    )]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub viscosity_pa_s_per_m: Option<f64>,
     /// Stress below which clay only bends, Pa.
-    #[schema(nullable = false, minimum = 0, maximum = 1e6)]
-    #[serde(
-        default,
-        skip_serializing_if = "Option::is_none",
-        deserialize_with = "crate::validate::present"
-    )]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub yield_stress_pa: Option<f64>,
     /// Modulus of the elastic part, Pa.
-    #[schema(nullable = false, minimum = 0, maximum = 1e9)]
-    #[serde(
-        default,
-        skip_serializing_if = "Option::is_none",
-        deserialize_with = "crate::validate::present"
-    )]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub stiffness_pa: Option<f64>,
 }
 
@@ -365,6 +350,20 @@ impl OutagePatch {
         Outage {
             every_s: self.every_s.unwrap_or(to.every_s),
             length_s: self.length_s.unwrap_or(to.length_s),
+        }
+    }
+}
+
+impl From<MaterialChoice> for MaterialPatch {
+    /// A preset stands for its numbers.
+    fn from(choice: MaterialChoice) -> Self {
+        if choice.preset.is_some() {
+            return Material::from(choice).into();
+        }
+        Self {
+            viscosity_pa_s_per_m: choice.viscosity_pa_s_per_m,
+            yield_stress_pa: choice.yield_stress_pa,
+            stiffness_pa: choice.stiffness_pa,
         }
     }
 }

@@ -5,8 +5,8 @@ use utoipa::ToSchema;
 
 use super::schema::Vector;
 use super::{
-    Axes, ClayHash, ClayShape, ClaySpec, Material, Network, Scheme, SessionId, Stop,
-    ToolDescription,
+    Axes, ClayHash, ClayShape, ClaySpec, Material, MaterialChoice, Network, Scheme, SessionId,
+    Stop, ToolDescription,
 };
 use crate::frame::{CopyState, SweepRefusal};
 use crate::validate::{FieldError, Validate, check, whole_within};
@@ -29,6 +29,7 @@ pub struct NewSession {
     pub scheme: Scheme,
     /// What the clay resists with.
     #[serde(default)]
+    #[schema(value_type = MaterialChoice, required = false)]
     pub material: Material,
     /// What happens to packets.
     #[serde(default)]

@@ -17,6 +17,7 @@
 
 mod bricks;
 pub mod bytes;
+mod classes;
 mod error;
 mod frames;
 mod pack;
@@ -25,6 +26,7 @@ mod telemetry;
 pub use bricks::{
     Brick, BrickBody, BrickContent, BricksHeader, BricksKind, BricksView, BricksWriter,
 };
+pub use classes::{ClassesView, write_classes};
 pub use error::FrameError;
 pub use frames::{
     FramesFull, FramesKind, FramesView, FramesWriter, MAX_FRAMES, MAX_FRAMES_MESSAGE, MAX_SEALED,
@@ -52,6 +54,8 @@ pub enum Kind {
     Telemetry = 1,
     /// Bricks of the clay, [`BricksView`].
     Bricks = 2,
+    /// A part of the classes of material of a block, [`ClassesView`]. 3 and 4 are [frames](FramesKind).
+    Classes = 5,
 }
 
 impl Kind {
@@ -65,6 +69,7 @@ impl Kind {
         match byte {
             1 => Ok(Self::Telemetry),
             2 => Ok(Self::Bricks),
+            5 => Ok(Self::Classes),
             got => Err(FrameError::UnknownValue {
                 field: "kind of message",
                 got,
@@ -80,6 +85,8 @@ pub enum Message<'a> {
     Telemetry(TelemetryView<'a>),
     /// Bricks of the clay.
     Bricks(BricksView<'a>),
+    /// A part of the classes of material of a block.
+    Classes(ClassesView<'a>),
 }
 
 impl<'a> Message<'a> {
@@ -92,6 +99,7 @@ impl<'a> Message<'a> {
         match kind {
             Kind::Telemetry => TelemetryView::decode(bytes).map(Self::Telemetry),
             Kind::Bricks => BricksView::decode(bytes).map(Self::Bricks),
+            Kind::Classes => ClassesView::decode(bytes).map(Self::Classes),
         }
     }
 }

@@ -98,6 +98,7 @@ pub(crate) fn about() -> About {
         session: "rig".to_owned(),
         offset_ns: 0,
         topics: None,
+        diagnose: None,
     }
 }
 

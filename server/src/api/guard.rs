@@ -124,6 +124,8 @@ impl<'a> Need<'a> {
             ("sessions", "") if reads => About::Nothing,
             // Channels and services of those.
             ("", "foxglove") if reads => About::Nothing,
+            // The same on every server.
+            ("materials", "") if reads => About::Nothing,
             ("sessions", "") => About::Server,
             // It makes another one.
             ("sessions", rest) if rest.ends_with("/duplicate") => About::Server,
@@ -521,6 +523,11 @@ mod tests {
         let (spectator, operator, admin) = (Role::Spectator, Role::Operator, Role::Admin);
         for (method, path, needed) in [
             (Method::GET, "/api/v1/sessions", (spectator, About::Nothing)),
+            (
+                Method::GET,
+                "/api/v1/materials",
+                (spectator, About::Nothing),
+            ),
             (
                 Method::POST,
                 "/api/v1/sessions/a/stop",

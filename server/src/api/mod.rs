@@ -12,6 +12,7 @@
 //! | [`guard`] | host, origin and token |
 //! | [`problem`] | every way to fail |
 //! | [`body`] | what comes in, checked |
+//! | [`range`] | which part of a file is asked for |
 //! | [`http_metrics`] | what the interface counts of itself |
 //!
 //! A request passes, from the outside in: headers for the answer, the count, a net for panics, the time limit, host and
@@ -29,10 +30,12 @@ mod history;
 mod http_metrics;
 mod import;
 mod manners;
+mod materials;
 mod metrics;
 mod openapi;
 mod pages;
 mod problem;
+mod range;
 mod recordings;
 mod sessions;
 mod socket;
@@ -158,6 +161,7 @@ fn calls_of_version_1() -> OpenApiRouter<Api> {
         .merge(history::routes())
         .merge(import::routes())
         .merge(manners::routes())
+        .merge(materials::routes())
         .merge(recordings::routes())
         .merge(theory::routes())
         .merge(stream::routes())

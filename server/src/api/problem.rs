@@ -93,6 +93,8 @@ kinds! {
         "Bodies are JSON: send Content-Type: application/json and no Content-Encoding.";
     HOST = MISDIRECTED_REQUEST "host", "this server does not go by that name",
         "Without a token the server answers only to localhost and loopback addresses, so that no name of somebody else's can be pointed at it.";
+    RANGE = RANGE_NOT_SATISFIABLE "range", "the file has no such bytes",
+        "A Range names bytes from 0 on; the header Content-Range of the answer says how many the file has.";
     FIELD = UNPROCESSABLE_ENTITY "field", "a field is not acceptable",
         "The pointer names the field; it is unknown, missing, of another type or out of its range.";
     UNREACHABLE = UNPROCESSABLE_ENTITY "unreachable", "the robot does not reach so far",
@@ -108,6 +110,12 @@ kinds! {
     MESH_EMPTY = UNPROCESSABLE_ENTITY "mesh_empty", "the mesh encloses nothing",
         "There is no triangle in it, or no volume.";
     MESH_TOO_LARGE = UNPROCESSABLE_ENTITY "mesh_too_large", "the mesh is larger than the block",
+        "The detail gives both sizes. With fit=true it is scaled into the block.";
+    VOLUME = UNPROCESSABLE_ENTITY "volume", "the file is no volume that is read",
+        "The detail says what is wrong with it, or what of it is not read.";
+    VOLUME_EMPTY = UNPROCESSABLE_ENTITY "volume_empty", "the volume has no clay",
+        "Nothing in it is at or above the first threshold.";
+    VOLUME_TOO_LARGE = UNPROCESSABLE_ENTITY "volume_too_large", "the volume is larger than the block",
         "The detail gives both sizes. With fit=true it is scaled into the block.";
     NO_LOOP = UNPROCESSABLE_ENTITY "no-loop", "these parts make no loop",
         "A compensator or the loop itself cannot be formed of them; the detail says why.";

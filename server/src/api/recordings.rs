@@ -1,8 +1,8 @@
 //! Recordings of a session.
 
 use std::fs::File;
-use std::io::Read;
-use std::path::Path;
+use std::io::{Read, Seek, SeekFrom};
+use std::ops::Range;
 use std::pin::Pin;
 use std::task::{Context, Poll};
 
@@ -10,7 +10,7 @@ use axum::Json;
 use axum::body::{Body, Bytes, HttpBody};
 use axum::extract::{FromRequestParts, Path as InPath};
 use axum::http::request::Parts;
-use axum::http::{StatusCode, header};
+use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use hyper::body::{Frame, SizeHint};
 use serde::Deserialize;
@@ -26,8 +26,9 @@ use super::body::{Found, Optional};
 use super::openapi::refusals;
 use super::problem::{
     BUSY, FIELD, Failure, INTERNAL, MEDIA_TYPE, NO_ANSWER, NO_SUCH_RECORDING, NO_SUCH_SESSION,
-    PATH, RECORDING, SESSION_DAMAGED, SLOW_BODY, SYNTAX, TOO_LARGE, UNAVAILABLE,
+    PATH, RANGE, RECORDING, SESSION_DAMAGED, SLOW_BODY, SYNTAX, TOO_LARGE, UNAVAILABLE,
 };
+use super::range::Asked;
 use super::sessions::change_failure;
 use super::{Api, see_through};
 use crate::directory::RecordingFailure;
@@ -47,7 +48,7 @@ pub(crate) fn routes() -> OpenApiRouter<Api> {
 refusals!(ListRefusals: PATH, NO_SUCH_SESSION, SESSION_DAMAGED, UNAVAILABLE);
 refusals!(StartRefusals: SYNTAX, PATH, NO_SUCH_SESSION, SLOW_BODY, SESSION_DAMAGED, RECORDING, TOO_LARGE, MEDIA_TYPE, FIELD, UNAVAILABLE, NO_ANSWER);
 refusals!(StopRefusals: PATH, NO_SUCH_SESSION, NO_SUCH_RECORDING, SESSION_DAMAGED, UNAVAILABLE, NO_ANSWER);
-refusals!(DownloadRefusals: PATH, NO_SUCH_SESSION, NO_SUCH_RECORDING, SESSION_DAMAGED, UNAVAILABLE, BUSY);
+refusals!(DownloadRefusals: PATH, NO_SUCH_SESSION, NO_SUCH_RECORDING, SESSION_DAMAGED, RANGE, UNAVAILABLE, BUSY);
 refusals!(DeleteRefusals: PATH, NO_SUCH_SESSION, NO_SUCH_RECORDING, SESSION_DAMAGED, RECORDING, UNAVAILABLE, NO_ANSWER);
 
 fn failure(error: RecordingFailure, id: &SessionId) -> Failure {
@@ -136,17 +137,23 @@ async fn stop(Found { id, live }: Found, name: Name) -> Result<Json<Recording>, 
 
 /// The file of a recording
 ///
-/// One that goes on has what was written so far, and ordinary readers open that as well.
+/// One that goes on has what was written so far, and ordinary readers open that as well. With a `Range` of bytes the
+/// answer is these.
 #[utoipa::path(
     get, path = "/sessions/{id}/recordings/{recording}", operation_id = "recording_file", tag = "recordings",
     params(
         ("id" = String, Path, description = "The session's name"),
         ("recording" = String, Path, description = "The recording's name, and `.mcap`"),
+        ("range" = Option<String>, Header, description = "One range of bytes, as in `bytes=0-65535`; any other is passed over"),
     ),
     responses(
         (
             status = 200, description = "The file", content_type = "application/octet-stream", body = Vec<u8>,
             headers(("Content-Disposition" = String, description = "A name for the file")),
+        ),
+        (
+            status = 206, description = "Bytes of the file", content_type = "application/octet-stream", body = Vec<u8>,
+            headers(("Content-Range" = String, description = "Which bytes, and of how many")),
         ),
         DownloadRefusals,
     ),
@@ -155,6 +162,7 @@ async fn download(
     axum::extract::State(api): axum::extract::State<Api>,
     Found { id, live }: Found,
     name: Name,
+    headers: HeaderMap,
 ) -> Result<Response, Failure> {
     let recording = name.parse(".mcap")?;
     let place = std::sync::Arc::clone(api.model_places())
@@ -163,13 +171,40 @@ async fn download(
     let disposition = format!("attachment; filename=\"{id}-{recording}.mcap\"");
     let path = live.recording_file(recording).await;
     let path = path.map_err(|error| failure(error, &id))?;
-    let body = Sent::of(&path, place)
-        .map_err(|error| UNAVAILABLE.because(format!("session {id}: {error}")))?;
+    let unavailable = |error: std::io::Error| UNAVAILABLE.because(format!("session {id}: {error}"));
+    let file = File::open(&path).map_err(unavailable)?;
+    let length = file.metadata().map_err(unavailable)?.len();
+    let (bytes, part) = match Asked::of(&headers, length) {
+        Asked::Whole => (0..length, None),
+        Asked::Bytes(bytes) => {
+            let part = format!("bytes {}-{}/{length}", bytes.start, bytes.end - 1);
+            (bytes, Some(part))
+        }
+        Asked::Beyond => {
+            let refusal = RANGE.because(format!("session {id}: the file has {length} bytes"));
+            let size = HeaderValue::try_from(format!("bytes */{length}"));
+            return Err(match size {
+                Ok(size) => refusal.with_header(header::CONTENT_RANGE, size),
+                Err(_) => refusal,
+            });
+        }
+    };
+    let body = Body::new(Sent::of(file, bytes, place).map_err(unavailable)?);
     let headers = [
         (header::CONTENT_TYPE, "application/octet-stream".to_owned()),
         (header::CONTENT_DISPOSITION, disposition),
+        (header::ACCEPT_RANGES, "bytes".to_owned()),
     ];
-    Ok((headers, Body::new(body)).into_response())
+    Ok(match part {
+        None => (headers, body).into_response(),
+        Some(part) => (
+            StatusCode::PARTIAL_CONTENT,
+            headers,
+            [(header::CONTENT_RANGE, part)],
+            body,
+        )
+            .into_response(),
+    })
 }
 
 /// Delete a recording
@@ -222,7 +257,7 @@ impl FromRequestParts<Api> for Name {
     }
 }
 
-/// A file on its way, as long as it was when it was asked for.
+/// Bytes of a file on their way, as many as it had when it was asked for.
 struct Sent {
     parts: Receiver<std::io::Result<Bytes>>,
     left: u64,
@@ -230,9 +265,9 @@ struct Sent {
 }
 
 impl Sent {
-    fn of(path: &Path, place: OwnedSemaphorePermit) -> std::io::Result<Self> {
-        let file = File::open(path)?;
-        let left = file.metadata()?.len();
+    fn of(mut file: File, bytes: Range<u64>, place: OwnedSemaphorePermit) -> std::io::Result<Self> {
+        file.seek(SeekFrom::Start(bytes.start))?;
+        let left = bytes.end - bytes.start;
         let (parts, receiver) = channel(PARTS_WAITING);
         tokio::task::spawn_blocking(move || {
             let mut file = file.take(left);

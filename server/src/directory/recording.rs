@@ -1,16 +1,17 @@
 //! Recordings of a session: begun, ended, listed, deleted.
 
 use std::path::PathBuf;
-use std::sync::Arc;
+use std::sync::{Arc, Weak};
 use std::time::{SystemTime, UNIX_EPOCH};
 
-use teleclay_proto::SessionId;
 use teleclay_proto::http::{FieldError, NewRecording, Recording};
-use teleclay_recording::{About, Shelf, ShelfError, Tap};
+use teleclay_proto::{NodeName, SessionId};
+use teleclay_recording::{About, Diagnose, Shelf, ShelfError, Tap};
 
 use super::live::Live;
 use super::orders::ChangeError;
 use crate::engine::{Answer, TICK, Task};
+use crate::ros;
 
 /// Why a recording is not as was asked for.
 #[derive(Debug, thiserror::Error)]
@@ -44,6 +45,7 @@ impl Live {
             session: self.id().to_string(),
             offset_ns: (since_1970.as_nanos() as u64).saturating_sub(inner.clock.now_ns()),
             topics: new.topics,
+            diagnose: Some(self.diagnose(inner.node.clone())),
         };
         let tools = self.settings().tools();
         let shown_every = new.rate_hz.map_or(1, ticks_between);
@@ -70,6 +72,14 @@ impl Live {
         })
         .await?;
         Err(begun.err().unwrap_or(ChangeError::Gone).into())
+    }
+
+    /// What ROS 2 is told of the session under `/diagnostics`.
+    fn diagnose(&self, node: NodeName) -> Diagnose {
+        let live = Live::new(Arc::clone(&self.shared), Weak::clone(&self.directory));
+        Diagnose(Arc::new(move |time_ns| {
+            ros::diagnostics(node.as_str(), &[live.state()], time_ns)
+        }))
     }
 
     /// Ends a recording; one that has ended stays as it is.

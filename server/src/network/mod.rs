@@ -32,7 +32,7 @@ use crate::directory::Directory;
 
 pub(crate) use frames::{FedSender, Sender};
 pub(crate) use listening::Listening;
-pub(crate) use publish::bricks;
+pub(crate) use publish::whole;
 
 use frames::Sending;
 use listening::Place;

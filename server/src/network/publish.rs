@@ -7,7 +7,7 @@ use teleclay_channel::TRAILER;
 use teleclay_clay::{BrickView, Clay};
 use teleclay_proto::keys::SessionKeys;
 use teleclay_proto::watch::{
-    BRICK_VOXELS, BrickContent, BricksHeader, BricksKind, BricksWriter, MAX_MESSAGE,
+    BRICK_VOXELS, BrickContent, BricksHeader, BricksKind, BricksWriter, MAX_MESSAGE, write_classes,
 };
 use teleclay_proto::{RealmName, SessionId};
 use zenoh::Session;
@@ -92,6 +92,19 @@ pub(crate) fn bricks(live: &Live, seen: Option<(u32, u64)>) -> (Vec<Vec<u8>>, (u
             .filter(|(seen_epoch, _)| *seen_epoch == epoch)
             .map(|(_, revision)| revision);
         (write_bricks(clay, epoch, since), (epoch, clay.revision()))
+    })
+}
+
+/// The clay at one moment, for whoever makes a copy of it: its classes of material, if it has more than one, then every
+/// brick; and the epoch and the revision of it.
+pub(crate) fn whole(live: &Live) -> (Vec<Vec<u8>>, (u32, u64)) {
+    live.clay().with(|clay, epoch| {
+        let longest = MAX_MESSAGE - TRAILER;
+        let mut messages = clay.classes().map_or_else(Vec::new, |classes| {
+            write_classes(classes.encoded(), epoch, 0, longest)
+        });
+        messages.extend(write_bricks(clay, epoch, None));
+        (messages, (epoch, clay.revision()))
     })
 }
 

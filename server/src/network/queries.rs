@@ -22,7 +22,7 @@ use zenoh::query::Query;
 use zenoh::{Session, Wait};
 
 use super::json;
-use super::publish::bricks;
+use super::publish::whole;
 use crate::directory::{Directory, Live};
 use crate::doors::LeaseChannel;
 
@@ -341,7 +341,7 @@ fn purpose(leaf: Leaf) -> Option<Purpose> {
 fn look(purpose: Purpose, live: &Live) -> Vec<Vec<u8>> {
     match purpose {
         Purpose::Parameters => vec![json(&live.loop_parameters())],
-        Purpose::ClaySnapshot => bricks(live, None).0,
+        Purpose::ClaySnapshot => whole(live).0,
         Purpose::State => vec![json(&live.state())],
         Purpose::Frame | Purpose::Leave | Purpose::ClayFresh => Vec::new(),
     }

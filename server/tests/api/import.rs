@@ -1,4 +1,4 @@
-//! A mesh as clay, and what is no such mesh.
+//! A mesh or a volume as clay, and what is no such mesh or volume.
 
 use serde_json::json;
 use teleclay_proto::http::Session;
@@ -195,4 +195,146 @@ fn a_server_that_keeps_nothing_has_no_past() {
     for id in [format!("{id}-2"), id] {
         assert_eq!(site.delete(&format!("/api/v1/sessions/{id}")).status, 204);
     }
+}
+
+/// Tissue over bone, 32 x 32 x 24 samples of a millimetre.
+fn scan() -> Vec<u8> {
+    let mut file =
+        b"NRRD0004\ntype: uchar\ndimension: 3\nsizes: 32 32 24\nencoding: raw\nspacings: 1 1 1\n\n"
+            .to_vec();
+    file.extend((0..32 * 32 * 24).map(|at| if at < 32 * 32 * 12 { 200 } else { 90 }));
+    file
+}
+
+#[test]
+fn a_scan_becomes_clay_of_classes() {
+    let site = shared().site();
+    let id = shared().session(&site);
+    let nrrd = "application/x-nrrd";
+    let one: Session = put(&site, &id, "?thresholds=50", nrrd, &scan()).json();
+    let volume_m3 = one.clay.initial_volume_m3;
+    assert!((volume_m3 / 24.576e-6 - 1.0).abs() < 2e-3, "{volume_m3} m3");
+    assert_eq!((one.clay.epoch, one.clay.removed_units), (2, 0));
+
+    // The same clay, part of which is of another class: another hash, and each material has its own.
+    let hashes: Vec<_> = ["firm_clay", "wax", "6e5:0:0"]
+        .iter()
+        .map(|material| {
+            let query = format!("?thresholds=50,150&materials={material}");
+            let session: Session = put(&site, &id, &query, nrrd, &scan()).json();
+            assert!((session.clay.initial_volume_m3 / volume_m3 - 1.0).abs() < 1e-12);
+            session.clay.hash
+        })
+        .collect();
+    assert!(hashes.iter().all(|hash| *hash != one.clay.hash));
+    assert!(hashes[0] != hashes[1] && hashes[1] != hashes[2] && hashes[0] != hashes[2]);
+
+    // A duplicate has the classes, too.
+    let twin = format!("{id}-twin");
+    let path = format!("/api/v1/sessions/{id}/duplicate");
+    let copy: Session = site.post(&path, &json!({ "id": twin })).json();
+    assert_eq!(copy.clay.hash, hashes[2]);
+    site.delete(&format!("/api/v1/sessions/{twin}"));
+    site.delete(&format!("/api/v1/sessions/{id}"));
+}
+
+#[test]
+fn what_is_no_volume_or_has_no_thresholds_is_refused_in_words() {
+    let site = shared().site();
+    let id = shared().session(&site);
+    let scan = scan();
+    let detached = b"NRRD0004\ntype: uchar\ndata file: scan.raw\n\n";
+    let cases: [(&str, &str, &[u8], &str, &str); 9] = [
+        ("", "application/x-nrrd", &scan, "field", "needs thresholds"),
+        (
+            "?thresholds=9,8&materials=wax",
+            "application/x-nrrd",
+            &scan,
+            "field",
+            "above the one before",
+        ),
+        (
+            "?thresholds=1,2",
+            "application/x-nrrd",
+            &scan,
+            "field",
+            "one material fewer",
+        ),
+        (
+            "?thresholds=1,2&materials=butter",
+            "application/x-nrrd",
+            &scan,
+            "field",
+            "paper_clay",
+        ),
+        (
+            "?thresholds=1,2&materials=1:2",
+            "application/x-nrrd",
+            &scan,
+            "field",
+            "viscosity:yield:stiffness",
+        ),
+        (
+            "?thresholds=50",
+            "application/x-nrrd",
+            detached,
+            "volume",
+            "detached header",
+        ),
+        (
+            "?thresholds=50",
+            "application/x-metaimage",
+            &scan,
+            "volume",
+            "no key",
+        ),
+        (
+            "?thresholds=250",
+            "application/x-nrrd",
+            &scan,
+            "volume_empty",
+            "250",
+        ),
+        (
+            "?thresholds=50",
+            "model/stl",
+            &stl(&box_of([20.0; 3])),
+            "field",
+            "a mesh has no values",
+        ),
+    ];
+    for (query, media_type, body, kind, words) in cases {
+        let answer = put(&site, &id, query, media_type, body);
+        assert_eq!(answer.status, 422, "{query} {media_type}");
+        let problem: serde_json::Value = answer.json();
+        let said = problem["detail"].as_str().unwrap();
+        assert!(said.contains(words), "{said:?}, wanted {words:?}");
+        let got = problem["type"].as_str().unwrap();
+        assert!(got.ends_with(kind), "{got}, wanted {kind}");
+    }
+    let session: Session = site.get(&format!("/api/v1/sessions/{id}")).json();
+    assert_eq!(session.clay.epoch, 1, "nothing has changed");
+    site.delete(&format!("/api/v1/sessions/{id}"));
+}
+
+#[test]
+fn layers_and_presets_make_a_block_and_are_told() {
+    let site = shared().site();
+    let id = shared().session(&site);
+    let reset = format!("/api/v1/sessions/{id}/clay/reset");
+    let plain: Session = site.post(&reset, &json!({})).json();
+    let layers = json!([{"thickness_m": 0.01, "material": {"preset": "foam"}}]);
+    let asked = json!({"material": {"preset": "firm_clay"}, "layers": layers});
+    let layered: Session = site.post(&reset, &asked).json();
+    assert!((layered.material.yield_stress_pa - 7.5e4).abs() < 1e-9);
+    assert_ne!(layered.clay.hash, plain.clay.hash);
+    // What is left out stays, and an empty list takes them away.
+    let again: Session = site.post(&reset, &json!({})).json();
+    assert_eq!(again.clay.hash, layered.clay.hash);
+    let without: Session = site.post(&reset, &json!({"layers": []})).json();
+    assert_eq!(without.clay.hash, plain.clay.hash);
+    let list: serde_json::Value = site.get("/api/v1/materials").json();
+    let named = list["materials"].as_array().unwrap();
+    assert!(named.iter().any(|entry| entry["preset"] == "firm_clay"));
+    site.delete(&format!("/api/v1/sessions/{id}"));
 }

@@ -21,16 +21,26 @@ const SEE_EVERYTHING: [&str; 4] = [
 ];
 
 /// Where code knows no clock, thread, file, socket or global chance.
-const PURE: [&str; 5] = [
+const PURE: [&str; 6] = [
     "crates",
     "proto",
     "channel/seal",
     "client-web/wasm",
+    "client-web/mathematics",
     "client-web/hand",
+    "client-web/film",
 ];
 
-/// Mathematics, matter, and what else the dashboard's module is made of: they bring nothing along that knows JSON.
-const WITHOUT_SERDE: [&str; 5] = ["control", "kinematics", "clay", "wire", "page"];
+/// Mathematics, matter, and what else the dashboard's modules for them are made of: they bring nothing along that knows
+/// JSON.
+const WITHOUT_SERDE: [&str; 6] = [
+    "control",
+    "kinematics",
+    "clay",
+    "wire",
+    "page",
+    "mathematics",
+];
 
 /// Packages that open sockets, start threads or ask the operating system for chance.
 #[rustfmt::skip]

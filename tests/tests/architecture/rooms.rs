@@ -1,7 +1,7 @@
 //! The rooms, and which of them each one uses.
 
 /// Which rooms each room uses, tests of it included: exactly these.
-pub(crate) const USES: [(&str, &[&str]); 39] = [
+pub(crate) const USES: [(&str, &[&str]); 42] = [
     ("control", &[]),
     ("kinematics", &[]),
     ("clay", &[]),
@@ -19,7 +19,10 @@ pub(crate) const USES: [(&str, &[&str]); 39] = [
     ("foxglove", &[]),
     ("doors", &["channel", "proto"]),
     ("front", &["doors"]),
-    ("page", &["clay", "control", "kinematics", "wire"]),
+    ("page", &["clay", "wire"]),
+    ("mathematics", &["control", "kinematics"]),
+    ("reel", &["clay", "history", "ros", "session"]),
+    ("film", &["clay", "reel", "wire"]),
     ("operator", &["control", "device", "kinematics"]),
     ("link", &["clay", "control", "proto"]),
     ("bilateral", &["clay", "control", "device", "link", "proto"]),
@@ -83,6 +86,7 @@ pub(crate) const USES: [(&str, &[&str]); 39] = [
             "history",
             "link",
             "proto",
+            "reel",
             "ros",
             "session",
         ],
@@ -97,6 +101,7 @@ pub(crate) const USES: [(&str, &[&str]); 39] = [
             "operator",
             "proto",
             "recording",
+            "reel",
             "session",
             "sim",
         ],

@@ -113,7 +113,9 @@ fn wasm() -> Result<()> {
         "proto",
         "channel/seal",
         "client-web/wasm",
+        "client-web/mathematics",
         "client-web/hand",
+        "client-web/film",
     ]
     .map(|folder| root().join(folder));
     let mut members = members()?;

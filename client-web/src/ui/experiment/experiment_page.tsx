@@ -15,6 +15,7 @@ import { fig7, liveFig7 } from "./figure";
 import { LivePassages, liveRun, LiveStanding, useLiveRun } from "./live_run";
 import { request, source } from "./model";
 import { plateaus, plateausCsv, traceCsv } from "./table";
+import "../style/theory.css";
 
 export function ExperimentPage(): JSX.Element {
   const isLive = source.value === "live";

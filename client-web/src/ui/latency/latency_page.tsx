@@ -11,6 +11,7 @@ import { jittersOf, layOut, profilesOf, type Slice } from "./grid";
 import { Heatmap } from "./heatmap";
 import { MEASURES } from "./measures";
 import { WallTable } from "./wall_table";
+import "../style/theory.css";
 
 export function LatencyPage(): JSX.Element {
   useEffect(() => void tables.look(), []);

@@ -5,10 +5,10 @@ import type { JSX } from "preact";
 import { useEffect, useRef } from "preact/hooks";
 import type { HandState } from "../../protocol/hand_module";
 import { Channel } from "../../protocol/telemetry";
-import { ClayView, type Look, type ViewColours } from "../../scene/view";
+import type { ClayView, Look, ViewColours } from "../../scene/view";
 import { onFrame } from "../frame";
 import { wantedQuality } from "../picture_quality";
-import { DRAWN, SceneCanvas, type Standing } from "../scene_canvas";
+import { DRAWN, type Make, SceneCanvas, type Standing } from "../scene_canvas";
 import { clayFeed, live, operating, past } from "../store";
 import { isDark } from "../theme";
 import { arrowScale } from "./arrow_scale";
@@ -46,7 +46,7 @@ export function ClayPanel(): JSX.Element {
       <SceneCanvas
         test="clay"
         label="The clay as it is being cut, with the tool and the forces on it. Arrow keys move the view, with shift they turn it"
-        make={(canvas, sight) => new ClayView(canvas, wantedQuality(), sight)}
+        load={loadClayView}
         run={(created, canvas) => {
           const ends = [
             clayFeed.watch((update) => created.applyClay(update)),
@@ -79,7 +79,12 @@ export function ClayPanel(): JSX.Element {
   );
 }
 
-const looks: readonly Look[] = ["corner", "front", "side", "top"];
+export async function loadClayView(): Promise<Make<ClayView>> {
+  const { ClayView } = await import("../../scene/view");
+  return (canvas, sight) => new ClayView(canvas, wantedQuality(), sight);
+}
+
+export const looks: readonly Look[] = ["corner", "front", "side", "top"];
 
 /** How often the picture is drawn, or why it is not. */
 function paceOf(standing: Standing, { frames_per_s, resolution }: { frames_per_s: number; resolution: number }): string {
@@ -89,7 +94,7 @@ function paceOf(standing: Standing, { frames_per_s, resolution }: { frames_per_s
 }
 
 /** What the arrows' length means. */
-function ArrowKey({ mm_per_n }: { mm_per_n: number }): JSX.Element {
+export function ArrowKey({ mm_per_n }: { mm_per_n: number }): JSX.Element {
   const newtons = 10 / mm_per_n;
   return (
     <span class="key">
@@ -100,7 +105,7 @@ function ArrowKey({ mm_per_n }: { mm_per_n: number }): JSX.Element {
   );
 }
 
-function followSize(canvas: HTMLCanvasElement, view: ClayView): () => void {
+export function followSize(canvas: HTMLCanvasElement, view: ClayView): () => void {
   const frame = canvas.parentElement ?? canvas;
   const observer = new ResizeObserver(() => {
     const { clientWidth, clientHeight } = frame;
@@ -150,7 +155,7 @@ function followLoop(
   });
 }
 
-function coloursOf(element: Element): ViewColours {
+export function coloursOf(element: Element): ViewColours {
   const style = getComputedStyle(element);
   const colour = (name: string): string => style.getPropertyValue(name).trim();
   return {

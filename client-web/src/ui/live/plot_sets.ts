@@ -8,8 +8,8 @@ import { Kept } from "../../state/samples";
 interface Moment {
   /** 0, 1, 2 for x, y, z. */
   readonly axis: number;
-  readonly session: Session;
-  readonly tool: ToolState;
+  readonly session: Pick<Session, "position_ratio">;
+  readonly tool: Pick<ToolState, "home_m">;
 }
 
 interface CurveSpec {

@@ -8,7 +8,7 @@ import { stretchOf } from "../../state/plot_window";
 import { Choice } from "../choice";
 import { onFrame } from "../frame";
 import { live } from "../store";
-import { savePicture, saveTable } from "./plot_files";
+import type * as plotFiles from "./plot_files";
 import { KEYS, takeKey } from "./plot_gestures";
 import { AXES, PLOT_SETS } from "./plot_sets";
 import { cursorTime_s, passTo, plotAxis, plotCursor, plotSet, plotWindow, view } from "./plot_view";
@@ -80,11 +80,20 @@ function Tools({ shown, panel }: { shown: ReadonlySet<Shown>; panel: () => Eleme
       </select>
       <button type="button" class="mini" title="what the plots show, as a picture" data-testid="plots-png" onClick={() => {
         const element = panel();
-        if (element !== null) void savePicture(shown, element);
+        if (element !== null) void withFiles(({ savePicture }) => savePicture(shown, element));
       }}>PNG</button>
-      <button type="button" class="mini" title="every sample of the time on show, as a table" data-testid="plots-csv" onClick={saveTable}>CSV</button>
+      <button type="button" class="mini" title="every sample of the time on show, as a table" data-testid="plots-csv" onClick={() => void withFiles(({ saveTable }) => { saveTable(); })}>CSV</button>
     </div>
   );
+}
+
+/** What makes files of plots comes when somebody wants one. */
+async function withFiles(make: (files: typeof plotFiles) => Promise<void> | void): Promise<void> {
+  try {
+    await make(await import("./plot_files"));
+  } catch (error) {
+    live.report("error", `the plots were not saved: ${error instanceof Error ? error.message : String(error)}`);
+  }
 }
 
 /** The moment under the cursor, or the time on show while the plots are held. */

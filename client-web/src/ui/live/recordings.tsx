@@ -7,7 +7,7 @@ import type { Recording, RecordingState } from "../../protocol/recording";
 import { fetchFile } from "../browser";
 import { downloadFile } from "../download";
 import { fixed } from "../format";
-import { live, recordings } from "../store";
+import { addressOfRecording, live, recordings } from "../store";
 
 /** Ticks a second. */
 const TICKS_PER_S = 1000;
@@ -62,6 +62,7 @@ function Row({ session, recording }: { readonly session: string | undefined; rea
         <strong>{id}</strong> <span class="faint">{amountOf(recording)}{state === "ended" ? "" : `, ${says}`}</span>
       </span>
       <span class="pair" role="group" aria-label={`Recording ${id}`}>
+        {session !== undefined && <a class="button" href={addressOfRecording(session, id)} title="look at any moment of it" data-testid={`show-${id}`}>Show</a>}
         <button type="button" onClick={() => void save(session, id)} title="for Foxglove, PlotJuggler, Python" data-testid={`save-${id}`}>MCAP</button>
         {isAsked.value ? (
           <button type="button" class="danger" disabled={recordings.isBusy.value} onClick={() => void recordings.remove(id)} data-testid={`remove-now-${id}`}>Delete now</button>

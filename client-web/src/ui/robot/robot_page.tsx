@@ -3,21 +3,24 @@
 
 import { useComputed, useSignal, useSignalEffect } from "@preact/signals";
 import type { JSX } from "preact";
+import { useEffect } from "preact/hooks";
 import type { Branch, Triple } from "../../protocol/theory";
 import { BRANCHES, poseAt } from "../../theory/robot";
 import { DASH, fixed, significant } from "../format";
 import { useFrame } from "../frame";
-import { mathematics, mathematicsMissing } from "../mathematics";
+import { loadMathematics, mathematics, mathematicsMissing } from "../mathematics";
 import { live, theory } from "../store";
 import { branch, geometry, pose, position_m, source, workspaceQuestion } from "./model";
 import { RobotControls } from "./robot_controls";
 import { RobotPicture } from "./robot_picture";
 import { outOfReach, refusalOf, standingOf, type Standing } from "./words";
+import "../style/theory.css";
 
 /** Numbers that change faster cannot be read, and the server is asked no more often, ms. */
 const READABLE_MS = 250;
 
 export function RobotPage(): JSX.Element {
+  useEffect(() => void loadMathematics(), []);
   const settled = useSignal<Triple>(position_m.peek());
   const last_ms = useSignal(0);
   useFrame((now_ms) => {

@@ -6,7 +6,7 @@ import { useEffect, useRef } from "preact/hooks";
 import { Channel } from "../../protocol/telemetry";
 import { RobotView, type RobotViewColours } from "../../scene/robot_view";
 import { onFrame } from "../frame";
-import { DRAWN, SceneCanvas, type Standing } from "../scene_canvas";
+import { DRAWN, type Make, SceneCanvas, type Standing } from "../scene_canvas";
 import { live, theory } from "../store";
 import { isDark } from "../theme";
 import { byHandle_m, geometry, platformAt, pose, shown, source } from "./model";
@@ -37,7 +37,7 @@ export function RobotPicture(): JSX.Element {
       <SceneCanvas
         test="robot"
         label="The robot's three arms and its platform. Arrow keys move the view, with shift they turn it"
-        make={(canvas, sight) => new RobotView(canvas, sight)}
+        load={load}
         run={run}
         view={view}
         standing={standing}
@@ -46,6 +46,8 @@ export function RobotPicture(): JSX.Element {
     </>
   );
 }
+
+const load = (): Promise<Make<RobotView>> => Promise.resolve((canvas, sight) => new RobotView(canvas, sight));
 
 /** Follows the size of the frame, and the handle. */
 function run(view: RobotView, canvas: HTMLCanvasElement): () => void {

@@ -17,12 +17,12 @@ export const PRESETS: readonly Preset[] = [
     body: { scheme: "replica", clay: { shape: { kind: "block", size_m: [0.128, 0.064, 0.064] } } },
   },
   {
-    name: "soft", title: "Soft block", says: "wet clay that hardly resists",
-    body: { scheme: "replica", material: materialOf(MATERIALS.slip) },
+    name: "soft", title: "Soft block", says: "oil clay warmed for modelling: gives way to a light push",
+    body: { scheme: "replica", material: materialOf(MATERIALS.soft_oil_clay) },
   },
   {
-    name: "firm", title: "Firm block", says: "stiff clay that holds its shape and is hard to cut",
-    body: { scheme: "replica", material: materialOf(MATERIALS.firm) },
+    name: "firm", title: "Firm block", says: "clay that holds its shape and gives way to a firm push",
+    body: { scheme: "replica", material: materialOf(MATERIALS.firm_clay) },
   },
   {
     name: "pair", title: "Two operators", says: "two tools in one block; each operator feels what the other cuts",

@@ -11,6 +11,8 @@ import { NameField } from "./name_field";
 import { NewSession } from "./new_session";
 import { DamagedRow, SessionRow } from "./session_row";
 import { fault } from "./words";
+import "../style/sessions.css";
+import "../style/theory.css";
 
 type Question = { readonly name: "none" } | { readonly name: "delete" | "duplicate"; readonly id: string };
 const NONE: Question = { name: "none" };

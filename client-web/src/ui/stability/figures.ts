@@ -1,7 +1,7 @@
 // Nyquist and Bode as figures: which curve, how much of it, and what is marked in it.
 
 import type { FigureContent, Line, Mark } from "../../plots/figure";
-import type { GainCurve } from "../../protocol/module";
+import type { GainCurve } from "../../protocol/mathematics";
 import type { LoopAnswer } from "../../protocol/theory";
 import type { DelayedLoop } from "../../theory/loop";
 import { milliseconds } from "../../theory/verdict";

@@ -3,11 +3,12 @@
 
 import { computed, useComputed, useSignal, useSignalEffect } from "@preact/signals";
 import type { JSX } from "preact";
+import { useEffect } from "preact/hooks";
 import type { FigurePoint } from "../../plots/figure";
 import { theory } from "../store";
 import { Choice } from "../choice";
 import { FigureView } from "../figure_view";
-import { mathematics, mathematicsMissing } from "../mathematics";
+import { loadMathematics, mathematics, mathematicsMissing } from "../mathematics";
 import { type DelayedLoop, loopOf } from "../../theory/loop";
 import { verdictOf, type Verdict } from "../../theory/verdict";
 import {
@@ -18,6 +19,7 @@ import { partsOf, question, round_trip_s, settings } from "./model";
 import { Margins } from "./margins";
 import { problemIn } from "../number/refusal";
 import { FIELDS, StabilityControls } from "./stability_controls";
+import "../style/theory.css";
 
 const WORDS: readonly { readonly value: LoopName; readonly text: string; readonly title: string }[] = [
   { value: "open", text: "no delay", title: "L = P (T_h + ρ T_t), what (33) asks about" },
@@ -40,6 +42,7 @@ const verdict = computed((): Verdict | undefined => {
 });
 
 export function StabilityPage(): JSX.Element {
+  useEffect(() => void loadMathematics(), []);
   useSignalEffect(() => theory.loop.ask(question.value));
   const loop = useSignal<LoopName>("position_force");
   const zoom = useSignal<Zoom>("near");

@@ -1,8 +1,8 @@
 //! A rod swept along a straight segment: a right circular cylinder along an axis, and everywhere it passes.
 //!
-//! A rod's distance `S` is the greater of that outside its wall and that outside its ends. A sweep that ends at `p`, with
-//! `q` across the axis and `w` along it, both from the middle of the rod at the end of its way, and `s` and `v` the same
-//! parts of the way, leaves what the nearest of all rods on the way leaves:
+//! A rod's distance `S` is the greater of that outside its wall and that outside its ends. A sweep that ends at `p`,
+//! with `q` across the axis and `w` along it, both from the middle of the rod at the end of its way, and `s` and `v`
+//! the same parts of the way, leaves what the nearest of all rods on the way leaves:
 //!
 //! ```text
 //! g = min over u in [0, 1] of  max(|q + u s| - r, |w + u v| - h)
@@ -12,8 +12,8 @@
 //! there, or where they are equal in between: at the root of a quadratic. Cut in one piece or in many, a straight way
 //! therefore leaves the same but for rounding, and nothing stands behind it however fast it is.
 //!
-//! What the rod at the end leaves is a function of its own place alone, and the sweep never leaves more: so a sweep that
-//! starts where another one ended need not cut the rod there again.
+//! What the rod at the end leaves is a function of its own place alone, and the sweep never leaves more: so a sweep
+//! that starts where another one ended need not cut the rod there again.
 
 use super::ball::{Centre, DISTANCE_ERROR, ways};
 use super::segment::Segment;
@@ -76,8 +76,8 @@ pub(super) struct RodSweep<const AXIS: usize> {
     clear: f32,
     /// Of a brick's middle likewise.
     brick_reach: f32,
-    /// By how much the wall is beyond an end, or an end beyond the wall, at a tile's middle so that it is wherever in the
-    /// tile and on the way.
+    /// By how much the wall is beyond an end, or an end beyond the wall, at a tile's middle so that it is wherever in
+    /// the tile and on the way.
     apart: f32,
     /// A tile has something ahead of the start, across the axis and along it, where its middle's way from the end along
     /// the step is more than this.

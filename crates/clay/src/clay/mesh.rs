@@ -2,15 +2,14 @@
 
 use super::{Clay, Worked};
 use crate::carve::{self, Start};
-use crate::engage;
-use crate::law::{self, ContactState, Material, Motion};
+use crate::law::{ContactState, Material, Motion};
 use crate::mesh_tool::MeshTool;
 use crate::pose::Pose;
 use crate::tool::ToolError;
 
 impl Clay {
-    /// Whether a mesh is thick enough to cut this clay cleanly where it is thickest. Its edges cut less than all in their
-    /// way, as far as they are thinner.
+    /// Whether a mesh is thick enough to cut this clay cleanly where it is thickest. Its edges cut less than all in
+    /// their way, as far as they are thinner.
     ///
     /// # Errors
     /// When the largest ball within it is thinner than two voxels.
@@ -44,10 +43,8 @@ impl Clay {
         contact: &mut ContactState,
     ) -> Worked {
         let removed_units = self.carve_mesh(mesh, motion.from(), motion.to());
-        let directions = law::directions(material, contact, motion);
-        let areas_m2 = engage::engaged_areas_m2(&self.field, mesh.faces(), motion.to(), directions);
         Worked {
-            response: law::respond(material, contact, motion, areas_m2),
+            response: self.feel_with(mesh.faces(), material, motion, contact),
             removed_units,
         }
     }

@@ -137,6 +137,19 @@ impl Faces {
             are_mirrored: false,
         }
     }
+
+    /// Which of each pair of points leads, 1 for the point itself and -1 for its opposite, and the cosine of that one;
+    /// 0 where neither leads. `cosine` is that of the points themselves.
+    #[inline(always)]
+    pub(super) fn leading(&self, cosine: F32x4) -> (F32x4, F32x4) {
+        let none = F32x4::splat(0.0);
+        if self.are_mirrored {
+            let side = cosine.where_below(none, F32x4::splat(-1.0), F32x4::splat(1.0));
+            (side, cosine.abs())
+        } else {
+            (F32x4::splat(1.0), cosine.max(none))
+        }
+    }
 }
 
 impl FacePairs {

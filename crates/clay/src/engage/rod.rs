@@ -1,8 +1,7 @@
 //! Where a cylinder and a loop look for clay: where their motion leaves the rod that they remove, grown by what is felt
 //! ahead.
 
-use super::points::FacePairs;
-use crate::lanes::F32x4;
+use crate::lanes::{F32x4, LANES};
 use crate::tool::{Cylinder, WireLoop};
 
 /// A wall that slants against the motion by a cosine of less than this is felt nearer than the rod's own outline, so as
@@ -50,7 +49,8 @@ impl RodFaces {
         }
     }
 
-    /// Area of a cylinder seen along a direction, m². That of a wire, parts of which hide others, is left to its points.
+    /// Area of a cylinder seen along a direction, m². That of a wire, parts of which hide others, is left to its
+    /// points.
     pub(super) fn seen_m2(&self, ahead: [f32; 3]) -> Option<f64> {
         if self.is_wire {
             return None;
@@ -91,7 +91,7 @@ impl RodReach {
     pub(super) fn reach(
         &self,
         at: [F32x4; 3],
-        pairs: &FacePairs,
+        normal: &[[f32; LANES]; 3],
         side: F32x4,
         ahead: [f32; 3],
     ) -> F32x4 {
@@ -111,7 +111,7 @@ impl RodReach {
         if !self.is_wire {
             return reach;
         }
-        let facing = at[b] * F32x4::load(&pairs.normal[b]) + at[c] * F32x4::load(&pairs.normal[c]);
+        let facing = at[b] * F32x4::load(&normal[b]) + at[c] * F32x4::load(&normal[c]);
         let inner = by_wall.where_below(by_end, F32x4::splat(self.look_ahead), reach);
         (side * facing).where_below(none, inner, reach)
     }

@@ -1,5 +1,7 @@
 //! Reads the clay in front of a tool.
 
+mod classed;
+
 use super::LOOK_AHEAD_VOXELS;
 use super::points::{FacePairs, Faces};
 use super::rod::RodReach;
@@ -126,12 +128,7 @@ impl<'a> Sampler<'a> {
         let (mut areas_m2, mut whole_m2) = ([none; N], none);
         for pairs in &faces.pairs {
             let (cosine, area_m2) = (pairs.along(ahead), F32x4::load(&pairs.area_m2));
-            let (side, cosine) = if faces.are_mirrored {
-                let side = cosine.where_below(none, F32x4::splat(-1.0), F32x4::splat(1.0));
-                (side, cosine.abs())
-            } else {
-                (F32x4::splat(1.0), cosine.max(none))
-            };
+            let (side, cosine) = faces.leading(cosine);
             let seen_m2 = cosine * area_m2;
             // A face that neither leads nor trails counts for nothing.
             if !seen_m2.any_above_0() {
@@ -144,15 +141,20 @@ impl<'a> Sampler<'a> {
                 *area_m2 = *area_m2 + engaged_m2 * number;
             }
         }
-        let sum = |lanes: F32x4| lanes.to_array().into_iter().map(f64::from).sum::<f64>();
+        let correction = Self::correction(faces, ahead, whole_m2);
+        areas_m2.map(|lanes| sum(lanes) * correction)
+    }
+
+    /// From what points in front see, summed, to areas, where they see `whole_m2` in all.
+    #[inline(always)]
+    fn correction(faces: &Faces, ahead: [f32; 3], whole_m2: F32x4) -> f64 {
         // What the points of a round tool make of its outline is a little off, by as much whether clay is there or not.
         let seen_m2 = match (faces.radius_m, &faces.rod) {
             (Some(radius_m), _) => Some(std::f64::consts::PI * radius_m * radius_m),
             (None, Some(rod)) => rod.seen_m2(ahead),
             (None, None) => None,
         };
-        let correction = seen_m2.map_or(1.0, |seen_m2| seen_m2 / sum(whole_m2));
-        areas_m2.map(|lanes| sum(lanes) * (correction / f64::from(RANGE)))
+        seen_m2.map_or(1.0, |seen_m2| seen_m2 / sum(whole_m2)) / f64::from(RANGE)
     }
 
     /// Where clay is looked for ahead of points, or of their opposites where `side` is -1.
@@ -168,7 +170,12 @@ impl<'a> Sampler<'a> {
                 let rest = F32x4::splat(LOOK_AHEAD * (2.0 * radius + LOOK_AHEAD));
                 (across * across + rest).sqrt() - across
             }
-            (None, Some(rod)) => rod.reach([offset(0), offset(1), offset(2)], pairs, side, ahead),
+            (None, Some(rod)) => rod.reach(
+                [offset(0), offset(1), offset(2)],
+                &pairs.normal,
+                side,
+                ahead,
+            ),
             (None, None) => F32x4::splat(LOOK_AHEAD) / cosine.max(F32x4::splat(LEAST_COSINE)),
         };
         let place = |axis: usize| {
@@ -223,6 +230,10 @@ impl<'a> Sampler<'a> {
         }
         eight
     }
+}
+
+fn sum(lanes: F32x4) -> f64 {
+    lanes.to_array().into_iter().map(f64::from).sum()
 }
 
 /// Occupancy interpolated between the eight voxel centres about places, above what does not count and up to [`RANGE`].

@@ -319,7 +319,11 @@ impl Vertex {
             } else {
                 1.0 - MARGIN
             };
-            (self.within[axis] + shift * self.outward[axis]).clamp(lowest, highest)
+            // Not `clamp`, which says in numbers what is wrong with its bounds: a browser would load all that writes
+            // them. These are in order.
+            (self.within[axis] + shift * self.outward[axis])
+                .max(lowest)
+                .min(highest)
         })
     }
 }

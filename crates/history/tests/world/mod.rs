@@ -346,6 +346,7 @@ impl World {
                     reset: ClayReset {
                         shape,
                         material: None,
+                        layers: None,
                     },
                     lease: None,
                 }

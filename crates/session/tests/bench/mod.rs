@@ -25,6 +25,7 @@ pub(crate) fn new_session(tools: u8) -> NewSession {
                 size_m: [0.032, 0.032, 0.016],
             },
             voxel_size_m: 2e-3,
+            layers: Vec::new(),
         },
         tool: ToolDescription::Ball { radius_m: 0.0064 },
         tools,

@@ -6,9 +6,9 @@ use serde_json::{Value, json};
 use teleclay_proto::frame::{CopyState, SweepRefusal};
 use teleclay_proto::http::{
     Burst, ClayHash, ClayReset, ClayShape, ClaySpec, ClayState, CorrectionsState, FieldError,
-    Impairment, JitterDistribution, LoopState, Material, Network, NewSession, Outage, Problem,
-    Quantiles, Session, SessionPatch, SessionState, Stop, StorageReport, StorageState,
-    TickQuantiles, ToolState, parse,
+    Impairment, JitterDistribution, Layer, LoopState, Material, Network, NewSession, Outage,
+    Preset, Problem, Quantiles, Session, SessionPatch, SessionState, Stop, StorageReport,
+    StorageState, TickQuantiles, ToolState, parse,
 };
 use teleclay_proto::invite::InviteId;
 use teleclay_proto::join::{
@@ -81,6 +81,7 @@ pub(super) fn client_texts() -> Value {
     let reset = ClayReset {
         shape: Some(ClayShape::stepped()),
         material: Some(Material::default()),
+        layers: None,
     };
     let mut file = texts(
         "text messages to the server",
@@ -280,7 +281,11 @@ pub(super) fn join() -> Value {
                 scheme: Scheme::Tdpa,
                 material: Material { viscosity_pa_s_per_m: 1e5, yield_stress_pa: 2e3, stiffness_pa: 3e5 },
                 network: Network { up: impairment(), down: impairment() },
-                clay: ClaySpec { shape: ClayShape::stepped(), voxel_size_m: 1e-3 },
+                clay: ClaySpec {
+                    shape: ClayShape::stepped(),
+                    voxel_size_m: 1e-3,
+                    layers: vec![Layer { thickness_m: 0.01, material: Preset::Foam.material() }],
+                },
                 tool: ToolDescription::Ball { radius_m: 0.0064 },
                 deadband: 0.07,
                 tools: 8,

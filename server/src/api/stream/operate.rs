@@ -18,7 +18,7 @@ use crate::api::problem::{Failure, NO_LEASE, OTHER_BLOCK};
 use crate::api::{Api, see_through};
 use crate::directory::{ChangeError, Control, Live, NotGranted};
 use crate::doors::Pass;
-use crate::network::bricks;
+use crate::network::whole;
 
 /// From one snapshot to the next of the same socket: more than 2 Mbit/s is for nobody to ask for.
 const SNAPSHOTS_EVERY: Duration = Duration::from_secs(2);
@@ -218,7 +218,7 @@ impl<'a> Asker<'a> {
         begun(async move {
             tokio::time::sleep_until(at.into()).await;
             let read = tokio::task::spawn_blocking(move || {
-                let (messages, (there, revision)) = bricks(&live, None);
+                let (messages, (there, revision)) = whole(&live);
                 let clay = live.state().clay;
                 let description = ClayDescription {
                     shape: clay.shape,
