@@ -16,7 +16,7 @@ use teleclay_proto::join::{
 use teleclay_proto::keys::Key;
 use teleclay_proto::watch::{
     BRICK_VOXELS, BrickContent, BricksHeader, BricksKind, BricksWriter, ClientText, Message,
-    PackedBrick, TelemetryBatch, TelemetrySample, pack, unpack,
+    PackedBrick, TelemetryBatch, TelemetrySample, pack, unpack, write_classes,
 };
 
 /// Inputs to the binary decoders; each goes to every decoder.

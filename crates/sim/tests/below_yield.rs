@@ -4,6 +4,8 @@
 //! What a preset is as stiff as, follows from this: the handle of \[KHMH03\] answers late, and a spring of more than
 //! some hundred newtons a metre makes it swing, whatever the line (docs/materials.md).
 
+#![allow(clippy::print_stdout, reason = "the figures are the result")]
+
 mod rigs;
 
 use std::f64::consts::PI;
