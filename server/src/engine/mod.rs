@@ -5,24 +5,28 @@
 //! Zenoh. What does not fit into a ring is counted, not waited for; bricks that do not fit stay marked in the clay and
 //! go later, and events wait in their session.
 
+mod record;
+mod running;
+
 use std::sync::Arc;
 use std::thread::Thread;
 use std::time::Duration;
 
 use rtrb::{Consumer, Producer, RingBuffer};
-use teleclay_bilateral::{ToolSide, ToolView};
-use teleclay_clay::{BrickView, Clay};
-use teleclay_keeping::Keeper;
-use teleclay_keeping::keeper::Outbox;
-use teleclay_link::arrivals::ArrivalCounts;
+use teleclay_bilateral::ToolSide;
+use teleclay_clay::Clay;
 use teleclay_link::time::Timestamp;
 use teleclay_proto::frame::{HandleFrame, ToolFrame};
 use teleclay_proto::http::{ClayShape, MAX_TOOLS};
-use teleclay_proto::watch::BRICK_VOXELS;
 use teleclay_recording::Tap;
-use teleclay_session::{Event, Outcome, Prepared, Refusal, Session};
+use teleclay_session::{Event, Outcome, Prepared, Refusal};
 use teleclay_shell::realtime::{Capacities, Claim, Machine, Out, Timing};
 use tokio::sync::oneshot;
+
+pub(crate) use record::{BrickContent, BrickUpdate, RECORD_EVERY, SessionRecord, ToolRecord};
+pub(crate) use running::Running;
+
+use record::{BRICKS_EVERY, hand_over_bricks, record};
 
 /// Time between ticks.
 pub(crate) const TICK: Duration = Duration::from_millis(1);
@@ -38,23 +42,12 @@ pub(crate) const CAPACITIES: Capacities = Capacities {
     done: 512,
     records: 4096,
 };
-/// Frames that may wait for the tick from one session's handles: a quarter of a second of one of them.
-const FRAMES_WAITING: usize = 256;
 /// Frames that may wait for the sender.
 const FRAMES_LEAVING: usize = 4096;
 /// Records of sessions that may wait: a second of all of them at 250 Hz would be more than twice as many.
 const RECORDS_WAITING: usize = 4096;
-/// Bricks that may wait for the collector of one session.
-const BRICKS_WAITING: usize = 256;
 /// Events that may wait for the collector, of all sessions.
 const EVENTS_WAITING: usize = 1024;
-
-/// Every how many ticks tools are recorded: 250 Hz is beyond any screen, and a quarter of the bytes.
-pub(crate) const RECORD_EVERY: u64 = 4;
-/// Every how many ticks changed bricks are handed over, and how many at most: 1000 a second, so the 27 around a ball
-/// renew at 37 Hz.
-const BRICKS_EVERY: u64 = 4;
-const BRICKS_AT_ONCE: usize = 4;
 
 /// A frame on its way from Zenoh to the tick.
 pub(crate) struct Incoming {
@@ -69,104 +62,6 @@ pub(crate) struct Outgoing {
     pub(crate) session: u32,
     pub(crate) slot: usize,
     pub(crate) frame: ToolFrame,
-}
-
-/// One session at one tick.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct SessionRecord {
-    pub(crate) session: u32,
-    pub(crate) ticks: u64,
-    pub(crate) clay_epoch: u32,
-    pub(crate) initial_units: u64,
-    pub(crate) remaining_units: u64,
-    /// Frames that left for handles since the session began.
-    pub(crate) frames_sent: u64,
-    /// What came from handles since then, those who have left included.
-    pub(crate) arrivals: ArrivalCounts,
-    pub(crate) tools: [Option<ToolRecord>; TOOLS],
-}
-
-/// One tool at one tick.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct ToolRecord {
-    pub(crate) lease: u32,
-    pub(crate) is_connected: bool,
-    pub(crate) silence_s: f64,
-    pub(crate) view: ToolView,
-    pub(crate) coordination_m: f64,
-    pub(crate) rtt_s: Option<f64>,
-    /// Sweeps that are in the clay, and of these on disk.
-    pub(crate) sweeps: [u32; 2],
-}
-
-/// A changed brick on its way to the mirror.
-pub(crate) struct BrickUpdate {
-    pub(crate) clay_epoch: u32,
-    pub(crate) index: u32,
-    pub(crate) content: BrickContent,
-}
-
-/// What a brick holds now.
-#[allow(
-    clippy::large_enum_variant,
-    reason = "it lies in a ring whose slots have one size; a box would allocate on the tick"
-)]
-pub(crate) enum BrickContent {
-    Empty,
-    Full,
-    Voxels([u8; BRICK_VOXELS]),
-}
-
-/// A session as the tick holds it.
-pub(crate) struct Running {
-    number: u32,
-    session: Session,
-    /// Writes its history, where one is kept.
-    keeper: Option<Keeper>,
-    /// Records it, while somebody wants that.
-    tap: Option<Box<Tap>>,
-    events: Outbox,
-    frames_sent: u64,
-    frames: Consumer<Incoming>,
-    bricks: Producer<BrickUpdate>,
-}
-
-/// The ends of a session's rings that the tick does not hold.
-pub(crate) struct RunningEnds {
-    pub(crate) frames: Producer<Incoming>,
-    pub(crate) bricks: Consumer<BrickUpdate>,
-}
-
-impl Running {
-    pub(crate) fn new(
-        number: u32,
-        session: Session,
-        keeper: Option<Keeper>,
-    ) -> (Box<Self>, RunningEnds) {
-        let (frames_in, frames_out) = RingBuffer::new(FRAMES_WAITING);
-        let (bricks_in, bricks_out) = RingBuffer::new(BRICKS_WAITING);
-        let running = Self {
-            number,
-            session,
-            keeper,
-            tap: None,
-            events: Outbox::default(),
-            frames_sent: 0,
-            frames: frames_out,
-            bricks: bricks_in,
-        };
-        let ends = RunningEnds {
-            frames: frames_in,
-            bricks: bricks_out,
-        };
-        (Box::new(running), ends)
-    }
-
-    fn end_recording(&mut self) {
-        if let Some(tap) = &mut self.tap {
-            tap.end(&mut self.session);
-        }
-    }
 }
 
 /// What the tick is told to do, between two ticks; and afterwards, what came of it. Boxed, since it carries what is
@@ -406,52 +301,6 @@ impl Machine for Engine {
         // One that finds no room is counted by the ring.
         let _ = out.record(timing);
     }
-}
-
-fn record(session: &Session, number: u32, frames_sent: u64, now: Timestamp) -> SessionRecord {
-    let mut record = SessionRecord {
-        session: number,
-        ticks: session.ticks(),
-        clay_epoch: session.clay_epoch(),
-        initial_units: session.clay().initial_units(),
-        remaining_units: session.clay().remaining_units(),
-        frames_sent,
-        arrivals: session.arrivals(),
-        tools: [None; TOOLS],
-    };
-    for (slot, tool) in record.tools.iter_mut().enumerate() {
-        *tool = session.side(slot).map(|side| ToolRecord {
-            lease: side.lease(),
-            is_connected: side.is_connected(now),
-            silence_s: side.silence_s(now),
-            view: side.view(),
-            coordination_m: side.coordination_m(),
-            rtt_s: side.round_trip().last().map(|rtt| rtt.as_secs_f64()),
-            sweeps: [
-                side.frame().sweeps_acknowledged,
-                side.frame().sweeps_durable,
-            ],
-        });
-    }
-    record
-}
-
-fn hand_over_bricks(session: &mut Session, bricks: &mut Producer<BrickUpdate>) {
-    let most = bricks.slots().min(BRICKS_AT_ONCE);
-    let clay_epoch = session.clay_epoch();
-    session.clay_mut().drain_changed(most, |index, view| {
-        let content = match view {
-            BrickView::Empty => BrickContent::Empty,
-            BrickView::Full => BrickContent::Full,
-            BrickView::Voxels(voxels) => BrickContent::Voxels(*voxels),
-        };
-        // There is room, see `most`.
-        let _ = bricks.push(BrickUpdate {
-            clay_epoch,
-            index: index.as_u32(),
-            content,
-        });
-    });
 }
 
 /// Where the frames of one session's handles go.
