@@ -3,12 +3,19 @@
 //! A tick that starts late is made up for at once, so the mean rate stays; behind by more than [`MOST_BEHIND`] periods
 //! (a suspended machine) the missed ones are given up and counted. Each tick is told how late it started; what to count
 //! is the caller's.
+//!
+//! Threads of a process that have the same period have the same deadlines, and number them alike: what goes from one to
+//! the other finds its next tick there. Deadlines are counted from the moment at which the first of them began, so that
+//! two programs on one machine do not all wake at once.
+//!
+//! A step without work may rest ([`Next::Rest`]): the thread then sleeps through a number of deadlines, or until its
+//! [`Waker`] wakes it, and goes on at the deadline that comes next.
 
 use std::fmt;
 use std::io;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread::JoinHandle;
+use std::sync::{Arc, OnceLock};
+use std::thread::{JoinHandle, Thread};
 use std::time::Duration;
 
 /// Ticks that are made up for at most: 50 ms at 1 kHz, shorter than any watchdog here.
@@ -59,14 +66,17 @@ pub struct TickerConfig {
 }
 
 /// One tick's circumstances.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Tick {
-    /// Number of the tick, from 0.
+    /// Number of its deadline, the same on every thread with the same period. It grows by one from tick to tick, and by
+    /// one more for each deadline that was given up or slept through.
     pub number: u64,
     /// How long after its deadline the tick started.
     pub lateness: Duration,
     /// Deadlines given up just before this tick.
     pub given_up: u64,
+    /// Deadlines slept through just before this tick, as the one before had asked.
+    pub rested: u64,
 }
 
 /// Whether the thread goes on.
@@ -74,8 +84,31 @@ pub struct Tick {
 pub enum Next {
     /// Another tick.
     Continue,
+    /// Another tick after so many deadlines that are slept through, or at the next deadline after a waking.
+    Rest(u32),
     /// End the thread.
     Stop,
+}
+
+/// Wakes a thread that rests. Copies wake the same thread.
+#[derive(Clone, Debug, Default)]
+pub struct Waker(Arc<OnceLock<Thread>>);
+
+impl Waker {
+    /// Ends the thread's rest, or its next one. Nothing allocates or waits here, so a tick may wake another's thread.
+    pub fn wake(&self) {
+        if let Some(thread) = self.0.get() {
+            thread.unpark();
+        }
+    }
+
+    /// What is woken. A waker that is told twice keeps to the first.
+    pub fn set(&self, ticker: &Ticker) {
+        if let Some(thread) = &ticker.thread {
+            // See above.
+            let _ = self.0.set(thread.thread().clone());
+        }
+    }
 }
 
 /// A running thread. Dropping it stops and joins it.
@@ -85,6 +118,9 @@ pub struct Ticker {
     thread: Option<JoinHandle<()>>,
     scheduler: String,
 }
+
+/// When the first thread of this process began to tick.
+static BEGAN_NS: OnceLock<u64> = OnceLock::new();
 
 /// Priority asked for with [`Scheduling::Fifo`]: low, since nothing here competes with another real-time program.
 const FIFO_PRIORITY: i32 = 10;
@@ -133,18 +169,26 @@ impl Drop for Ticker {
     fn drop(&mut self) {
         self.stop.store(true, Ordering::Relaxed);
         if let Some(thread) = self.thread.take() {
+            thread.thread().unpark();
             // A panic in the thread was printed by it; there is nothing to add here.
             let _ = thread.join();
         }
     }
 }
 
+/// Processor time that the calling thread has taken so far, ns: what others take from it meanwhile is not in it.
+pub fn thread_time_ns() -> u64 {
+    platform::thread_time_ns()
+}
+
 fn run(config: &TickerConfig, stop: &AtomicBool, step: &mut impl FnMut(Tick) -> Next) {
-    let period = config.period.as_nanos() as u64;
+    let period = (config.period.as_nanos() as u64).max(1);
     let spin = config.spin.as_nanos() as u64;
-    let mut deadline = platform::now_ns() + period;
-    let mut number = 0;
+    let began = *BEGAN_NS.get_or_init(platform::now_ns);
+    let mut number = platform::now_ns().saturating_sub(began) / period + 1;
+    let mut rested = 0;
     while !stop.load(Ordering::Relaxed) {
+        let deadline = began + number * period;
         platform::sleep_until(deadline.saturating_sub(spin));
         while platform::now_ns() < deadline {
             std::hint::spin_loop();
@@ -156,19 +200,36 @@ fn run(config: &TickerConfig, stop: &AtomicBool, step: &mut impl FnMut(Tick) -> 
         } else {
             0
         };
-        deadline += given_up * period;
-        let lateness = Duration::from_nanos(late);
-        if step(Tick {
+        number += given_up;
+        let next = step(Tick {
             number,
-            lateness,
+            lateness: Duration::from_nanos(late),
             given_up,
-        }) == Next::Stop
-        {
-            return;
-        }
+            rested,
+        });
         number += 1;
-        deadline += period;
+        rested = match next {
+            Next::Continue => 0,
+            Next::Rest(most) => {
+                rest_until(began + (number + u64::from(most)) * period);
+                slept_through(number, period, platform::now_ns() - began)
+            }
+            Next::Stop => return,
+        };
+        number += rested;
     }
+}
+
+/// Sleeps, unless the thread is woken.
+fn rest_until(until_ns: u64) {
+    let asleep_ns = until_ns.saturating_sub(platform::now_ns());
+    // It may end for no reason: that is a rest cut short.
+    std::thread::park_timeout(Duration::from_nanos(asleep_ns));
+}
+
+/// How many deadlines from `number` on are over, so long after the first.
+fn slept_through(number: u64, period: u64, since_ns: u64) -> u64 {
+    since_ns.div_ceil(period).saturating_sub(number)
 }
 
 #[cfg(target_os = "linux")]
@@ -185,12 +246,20 @@ mod platform {
     const NS_PER_S: u64 = 1_000_000_000;
 
     pub(super) fn now_ns() -> u64 {
+        read(libc::CLOCK_MONOTONIC)
+    }
+
+    pub(super) fn thread_time_ns() -> u64 {
+        read(libc::CLOCK_THREAD_CPUTIME_ID)
+    }
+
+    fn read(clock: libc::clockid_t) -> u64 {
         let mut now = libc::timespec {
             tv_sec: 0,
             tv_nsec: 0,
         };
-        // SAFETY: `now` is a valid timespec; CLOCK_MONOTONIC always exists.
-        unsafe { libc::clock_gettime(libc::CLOCK_MONOTONIC, &raw mut now) };
+        // SAFETY: `now` is a valid timespec; both clocks always exist.
+        unsafe { libc::clock_gettime(clock, &raw mut now) };
         now.tv_sec as u64 * NS_PER_S + now.tv_nsec as u64
     }
 
@@ -250,6 +319,11 @@ mod platform {
         START.elapsed().as_nanos() as u64
     }
 
+    /// The time that passes, which is what can be had everywhere.
+    pub(super) fn thread_time_ns() -> u64 {
+        now_ns()
+    }
+
     pub(super) fn sleep_until(deadline_ns: u64) {
         let now = now_ns();
         if now < deadline_ns {
@@ -269,7 +343,84 @@ mod platform {
 
 #[cfg(test)]
 mod tests {
-    use super::FIFO_PRIORITY;
+    use super::*;
+
+    /// The deadline that comes next is not among them, nor is one that is now.
+    #[test]
+    fn deadlines_that_are_over_were_slept_through_and_no_other() {
+        for (now_ns, slept) in [
+            (6_900, 0),
+            (7_000, 0),
+            (7_001, 1),
+            (8_000, 1),
+            (8_001, 2),
+            (57_000, 50),
+        ] {
+            assert_eq!(slept_through(7, 1000, now_ns), slept, "at {now_ns}");
+        }
+    }
+
+    /// A rest of minutes ends when somebody wakes the thread; ticks and deadlines that were slept through are the time
+    /// that has passed.
+    #[test]
+    fn a_rest_ends_early_for_whoever_wakes_and_its_deadlines_are_counted() {
+        let (told, ticks) = std::sync::mpsc::channel();
+        let config = TickerConfig {
+            name: "resting",
+            period: Duration::from_millis(1),
+            scheduling: Scheduling::Normal,
+            spin: Duration::ZERO,
+        };
+        let ticker = Ticker::spawn(config, move |tick| {
+            // Nobody listens at the end.
+            let _ = told.send(tick);
+            Next::Rest(1_000_000)
+        })
+        .unwrap();
+        let waker = Waker::default();
+        waker.set(&ticker);
+        let mut last: Option<Tick> = None;
+        for _ in 0..5 {
+            let tick = ticks.recv().unwrap();
+            if let Some(last) = last {
+                assert_eq!(tick.number, last.number + 1 + tick.rested + tick.given_up);
+            }
+            last = Some(tick);
+            waker.wake();
+        }
+    }
+
+    /// What moves from one thread to another finds its next tick there.
+    #[test]
+    fn two_threads_with_the_same_period_number_their_deadlines_alike() {
+        let config = TickerConfig {
+            name: "numbering",
+            period: Duration::from_millis(1),
+            scheduling: Scheduling::Normal,
+            spin: Duration::ZERO,
+        };
+        let [a, b] = [(), ()].map(|()| {
+            let (told, ticks) = std::sync::mpsc::channel();
+            let ticker = Ticker::spawn(config.clone(), move |tick: Tick| {
+                // When the deadline was, by a clock that both share.
+                let deadline_ns = platform::now_ns() - tick.lateness.as_nanos() as u64;
+                // Nobody listens at the end.
+                let _ = told.send((tick.number, deadline_ns));
+                Next::Continue
+            })
+            .unwrap();
+            (ticker, ticks)
+        });
+        let (first, second) = (a.1.recv().unwrap(), b.1.recv().unwrap());
+        for (number, deadline_ns) in [first, second] {
+            // The clock is read a moment after the lateness was.
+            let began_ns = *BEGAN_NS.get().unwrap();
+            assert!(
+                began_ns + number * 1_000_000 <= deadline_ns,
+                "{number} {deadline_ns}"
+            );
+        }
+    }
 
     /// A lower limit has the thread refused; a higher one gives more than is asked for.
     #[test]

@@ -35,6 +35,7 @@ const IN_TIME: Tick = Tick {
     number: 0,
     lateness: Duration::ZERO,
     given_up: 0,
+    rested: 0,
 };
 
 fn granted(lease: u32) -> Granted {

@@ -16,7 +16,7 @@ use super::body::{Checked, Found, Named, no_such_session};
 use super::openapi::refusals;
 use super::problem::{
     CLAY_MEMORY, CONTROL, FIELD, Failure, MEDIA_TYPE, NO_ANSWER, NO_SUCH_SESSION, NO_SUCH_TOOL,
-    NOT_STOPPED, PATH, SESSION_DAMAGED, SESSION_EXISTS, SLOW_BODY, SYNTAX, TOO_LARGE,
+    NO_TICK_TIME, NOT_STOPPED, PATH, SESSION_DAMAGED, SESSION_EXISTS, SLOW_BODY, SYNTAX, TOO_LARGE,
     TOO_MANY_SESSIONS, UNAVAILABLE,
 };
 use super::{Api, see_through};
@@ -122,6 +122,7 @@ fn create_failure(error: CreateError) -> Failure {
         }
         CreateError::Field(error) => error.into(),
         CreateError::NoMemory(error) => CLAY_MEMORY.because(error.to_string()),
+        CreateError::NoTickTime(error) => NO_TICK_TIME.because(error.to_string()),
         CreateError::Unavailable { reason } => UNAVAILABLE.because(reason),
     }
 }

@@ -1,12 +1,20 @@
-//! Every session of the server, stepped by one 1 kHz thread: the machine that [`teleclay_shell::realtime`] runs.
+//! The sessions of a 1 kHz thread, stepped by it: the machine that [`teleclay_shell::realtime`] runs. There are as many
+//! machines as threads, and a session lives on one of them.
 //!
 //! The machine owns its sessions. It takes frames from a ring of each session, and orders; it puts frames, records,
 //! events and changed bricks into others. It never allocates, never drops what is large, never locks and never calls
 //! Zenoh. What does not fit into a ring is counted, not waited for; bricks that do not fit stay marked in the clay and
 //! go later, and events wait in their session.
+//!
+//! A session moves from one thread to another between two of its ticks, with its ends of its rings. Deadlines have the
+//! same numbers on all threads, and each session knows that of its next tick: a thread makes no tick of a session that
+//! it has had elsewhere, and makes up for one that neither has made. A session at rest has no ticks made at all: now
+//! and then they are counted, and before an order is carried out in it. A thread whose sessions are all at rest sleeps.
 
 mod record;
 mod running;
+#[cfg(test)]
+mod tests;
 
 use std::sync::Arc;
 use std::thread::Thread;
@@ -19,14 +27,15 @@ use teleclay_link::time::Timestamp;
 use teleclay_proto::frame::{HandleFrame, ToolFrame};
 use teleclay_proto::http::{ClayShape, MAX_TOOLS};
 use teleclay_recording::Tap;
-use teleclay_session::{Event, Outcome, Prepared, Refusal};
+use teleclay_session::{Outcome, Prepared, Refusal};
 use teleclay_shell::realtime::{Capacities, Claim, Machine, Out, Timing};
+use teleclay_shell::ticker::{Tick, Waker};
 use tokio::sync::oneshot;
 
 pub(crate) use record::{BrickContent, BrickUpdate, RECORD_EVERY, SessionRecord, ToolRecord};
-pub(crate) use running::Running;
+pub(crate) use running::{Running, Told};
 
-use record::{BRICKS_EVERY, hand_over_bricks, record};
+use running::{REST_TICKS, ThreadTick};
 
 /// Time between ticks.
 pub(crate) const TICK: Duration = Duration::from_millis(1);
@@ -36,7 +45,22 @@ pub(crate) const MAX_SESSIONS: usize = 32;
 /// Tools of a session at most.
 pub(crate) const TOOLS: usize = MAX_TOOLS as usize;
 
-/// Lengths of the thread's own rings. Four seconds of ticks may wait to be counted.
+/// Threads at most: four sessions on each, when there are as many as there may be.
+pub(crate) const MAX_THREADS: usize = 8;
+
+/// The threads' names, as the system has them: 15 bytes at most.
+pub(crate) const THREAD_NAMES: [&str; MAX_THREADS] = [
+    "teleclay-loop",
+    "teleclay-loop-1",
+    "teleclay-loop-2",
+    "teleclay-loop-3",
+    "teleclay-loop-4",
+    "teleclay-loop-5",
+    "teleclay-loop-6",
+    "teleclay-loop-7",
+];
+
+/// Lengths of a thread's own rings. Four seconds of ticks may wait to be counted.
 pub(crate) const CAPACITIES: Capacities = Capacities {
     orders: 256,
     done: 512,
@@ -44,11 +68,6 @@ pub(crate) const CAPACITIES: Capacities = Capacities {
 };
 /// Frames that may wait for the sender.
 const FRAMES_LEAVING: usize = 4096;
-/// Records of sessions that may wait: a second of all of them at 250 Hz would be more than twice as many.
-const RECORDS_WAITING: usize = 4096;
-/// Events that may wait for the collector, of all sessions.
-const EVENTS_WAITING: usize = 1024;
-
 /// A frame on its way from Zenoh to the tick.
 pub(crate) struct Incoming {
     pub(crate) slot: usize,
@@ -106,6 +125,11 @@ pub(crate) enum Task {
         session: u32,
         tap: Option<Box<Tap>>,
     },
+    /// Has a session live on another thread from its next tick on.
+    Move {
+        session: u32,
+        to: usize,
+    },
 }
 
 /// What came of an order.
@@ -126,69 +150,122 @@ pub(crate) enum Done {
     },
 }
 
-/// The rings of all sessions that the tick does not hold.
-pub(crate) struct Ends {
-    pub(crate) outgoing: Consumer<Outgoing>,
-    pub(crate) sessions: Consumer<SessionRecord>,
-    pub(crate) events: Consumer<(u32, Event)>,
+/// Frames that leave for handles, of all threads, for the one who sends them.
+///
+/// A session's frames come out in order while it lives on one thread. When it moves, the last one from the old thread
+/// and the first one from the new are a tick apart; should they be taken out together all the same, whoever gets them
+/// keeps to the newest, as after any network.
+pub(crate) struct Leaving(Vec<Consumer<Outgoing>>);
+
+impl Leaving {
+    /// The next one, of whatever thread.
+    pub(crate) fn pop(&mut self) -> Result<Outgoing, rtrb::PopError> {
+        let popped = self.0.iter_mut().find_map(|ring| ring.pop().ok());
+        popped.ok_or(rtrb::PopError::Empty)
+    }
 }
 
-/// The sessions.
+/// The sessions that live on one thread.
 pub(crate) struct Engine {
-    /// Boxed, so that one that is removed moves out of here without copying its kilobytes on the tick.
+    thread: usize,
+    /// Boxed, so that one that is removed or moves out of here without copying its kilobytes on the tick.
     #[allow(clippy::vec_box, reason = "see above")]
     running: Vec<Box<Running>>,
     outgoing: Producer<Outgoing>,
-    sessions: Producer<SessionRecord>,
-    events: Producer<(u32, Event)>,
     sender: Option<Thread>,
+    /// Sessions that come from other threads.
+    arriving: Vec<Consumer<Box<Running>>>,
+    /// The way to each thread; none to itself.
+    ways: Vec<Option<Way>>,
+    at: ThreadTick,
+    /// Whether nothing is to be done in any tick until an order comes.
+    is_at_rest: bool,
+}
+
+/// The way from one thread to another.
+struct Way {
+    ring: Producer<Box<Running>>,
+    waker: Waker,
+}
+
+/// The machine of a thread, and what wakes it.
+pub(crate) struct Threaded {
+    pub(crate) engine: Engine,
+    pub(crate) waker: Waker,
 }
 
 impl Engine {
-    /// No session yet. `sender` is woken when frames wait to leave.
-    pub(crate) fn new(sender: Option<Thread>) -> (Self, Ends) {
-        let (outgoing, outgoing_out) = RingBuffer::new(FRAMES_LEAVING);
-        let (sessions, sessions_out) = RingBuffer::new(RECORDS_WAITING);
-        let (events, events_out) = RingBuffer::new(EVENTS_WAITING);
-        let engine = Self {
-            running: Vec::with_capacity(MAX_SESSIONS),
-            outgoing,
-            sessions,
-            events,
-            sender,
-        };
-        let ends = Ends {
-            outgoing: outgoing_out,
-            sessions: sessions_out,
-            events: events_out,
-        };
-        (engine, ends)
+    /// So many machines without a session, from each of which sessions can go to every other. `sender` is woken when
+    /// frames wait to leave.
+    pub(crate) fn threads(count: usize, sender: Option<&Thread>) -> (Vec<Threaded>, Leaving) {
+        let wakers: Vec<Waker> = (0..count).map(|_| Waker::default()).collect();
+        let mut leaving = Vec::with_capacity(count);
+        let mut threads: Vec<Threaded> = (0..count)
+            .map(|thread| {
+                let (outgoing, outgoing_out) = RingBuffer::new(FRAMES_LEAVING);
+                leaving.push(outgoing_out);
+                let engine = Self {
+                    thread,
+                    running: Vec::with_capacity(MAX_SESSIONS),
+                    outgoing,
+                    sender: sender.cloned(),
+                    arriving: Vec::with_capacity(count),
+                    ways: Vec::with_capacity(count),
+                    at: ThreadTick::of(thread),
+                    is_at_rest: false,
+                };
+                Threaded {
+                    engine,
+                    waker: wakers[thread].clone(),
+                }
+            })
+            .collect();
+        for from in 0..count {
+            for (to, waker) in wakers.iter().enumerate() {
+                let way = (from != to).then(|| {
+                    // Every session finds room.
+                    let (ring, arriving) = RingBuffer::new(MAX_SESSIONS);
+                    threads[to].engine.arriving.push(arriving);
+                    Way {
+                        ring,
+                        waker: waker.clone(),
+                    }
+                });
+                threads[from].engine.ways.push(way);
+            }
+        }
+        (threads, Leaving(leaving))
     }
 
+    /// A session that lives here, brought up to the tick before this one.
     fn find(&mut self, number: u32) -> Option<&mut Running> {
-        self.running
-            .iter_mut()
-            .find(|running| running.number == number)
-            .map(|running| &mut **running)
+        let mut all = self.running.iter_mut();
+        let running = all.find(|running| running.number == number)?;
+        running.catch_up(self.at.now, self.at.number);
+        Some(running)
     }
 
     fn perform(&mut self, now: Timestamp, task: &mut Task) -> Answer {
         match task {
             Task::Add(running) => {
                 if self.running.len() < MAX_SESSIONS
-                    && let Some(running) = running.take()
+                    && let Some(mut running) = running.take()
                 {
+                    running.due = self.at.number;
                     self.running.push(running);
                     return Answer::Done;
                 }
                 Answer::Undone
             }
             Task::Remove { session, removed } => {
+                let Some(running) = self.find(*session) else {
+                    return Answer::Undone;
+                };
+                running.end_recording();
                 let mut numbers = self.running.iter().map(|running| running.number);
                 let Some(index) = numbers.position(|number| number == *session) else {
                     return Answer::Undone;
                 };
-                self.running[index].end_recording();
                 *removed = Some(self.running.swap_remove(index));
                 Answer::Done
             }
@@ -206,6 +283,36 @@ impl Engine {
                 }
                 None => Answer::Undone,
             },
+            Task::Move { session, to } => {
+                if !matches!(self.ways.get(*to), Some(Some(_))) {
+                    return Answer::Undone;
+                }
+                match self.find(*session) {
+                    Some(running) => {
+                        running.leaving = Some(*to);
+                        Answer::Done
+                    }
+                    None => Answer::Undone,
+                }
+            }
+        }
+    }
+
+    /// Sessions whose tick is made go where they are to go: what is due there is their next one.
+    fn send_away(&mut self) {
+        let mut index = 0;
+        while let Some(running) = self.running.get_mut(index) {
+            let way = running.leaving.and_then(|to| self.ways[to].as_mut());
+            match way {
+                Some(way) if 0 < way.ring.slots() => {
+                    running.leaving = None;
+                    // There is room, and nobody else fills this ring.
+                    let _ = way.ring.push(self.running.swap_remove(index));
+                    way.waker.wake();
+                }
+                // Without room, after the next tick.
+                _ => index += 1,
+            }
         }
     }
 }
@@ -215,6 +322,24 @@ impl Machine for Engine {
     type Done = Done;
     type Record = Timing;
     type Failure = std::convert::Infallible;
+
+    fn begin(&mut self, now: Timestamp, tick: &Tick) {
+        self.at = ThreadTick {
+            thread: self.thread,
+            number: tick.number,
+            now,
+            is_late: TICK < tick.lateness,
+            has_rested: 0 < tick.rested,
+        };
+        for arriving in &mut self.arriving {
+            while self.running.len() < MAX_SESSIONS
+                && let Ok(mut running) = arriving.pop()
+            {
+                running.is_new = true;
+                self.running.push(running);
+            }
+        }
+    }
 
     fn carry_out(&mut self, now: Timestamp, mut order: Box<Order>) -> Done {
         order.answer = if order.claim.carry_out() {
@@ -226,73 +351,19 @@ impl Machine for Engine {
     }
 
     /// One tick of every session.
-    fn tick(&mut self, now: Timestamp, out: &mut Out<Self>) -> Result<(), Self::Failure> {
+    fn tick(&mut self, _now: Timestamp, out: &mut Out<Self>) -> Result<(), Self::Failure> {
         let (mut leaves, mut overflowed) = (false, 0);
+        self.is_at_rest = true;
         for running in &mut self.running {
-            let Running {
-                number,
-                session,
-                keeper,
-                tap,
-                events,
-                frames_sent,
-                frames,
-                bricks,
-            } = &mut **running;
-            while let Ok(incoming) = frames.pop() {
-                let arrived = Timestamp::from_nanos(incoming.arrived_ns).min(now);
-                session.handle_frame(arrived, incoming.slot, &incoming.frame);
-            }
-            match tap {
-                Some(tap) => session.tick_heard(now, |slot, arrived, frame| {
-                    tap.on_frame(slot, arrived, frame);
-                }),
-                None => session.tick(now),
-            }
-            while let Some((slot, frame)) = session.poll_transmit() {
-                leaves = true;
-                *frames_sent += 1;
-                let outgoing = Outgoing {
-                    session: *number,
-                    slot,
-                    frame: *frame,
-                };
-                overflowed += u64::from(self.outgoing.push(outgoing).is_err());
-            }
-            // What orders have changed since the last tick is among these.
-            {
-                let fresh = events.take_from(session);
-                if let Some(tap) = tap {
-                    tap.on_tick(session, now, fresh.clone());
-                }
-                if let Some(keeper) = keeper {
-                    keeper.on_tick(session, fresh);
-                }
-            }
-            while 0 < self.events.slots()
-                && let Some(event) = events.pop()
-            {
-                // There is room, see above.
-                let _ = self.events.push((*number, event));
-            }
-            while 0 < out.room_to_retire()
-                && let Some(side) = session.poll_retired()
-            {
-                out.retire(Done::Side { _side: side });
-            }
-            // Sessions take turns, so that no tick has the records or bricks of all of them.
-            let phase = session.ticks().wrapping_add(u64::from(*number));
-            if phase.is_multiple_of(RECORD_EVERY) {
-                let record = record(session, *number, *frames_sent, now);
-                overflowed += u64::from(self.sessions.push(record).is_err());
-            }
-            if phase.is_multiple_of(BRICKS_EVERY) {
-                hand_over_bricks(session, bricks);
-            }
+            let stepped = running.tick(self.at, &mut self.outgoing, out);
+            self.is_at_rest &= stepped.is_at_rest;
+            leaves |= stepped.leaves;
+            overflowed += stepped.overflowed;
         }
         if leaves && let Some(sender) = &self.sender {
             sender.unpark();
         }
+        self.send_away();
         out.count_overflowed(overflowed);
         Ok(())
     }
@@ -300,6 +371,14 @@ impl Machine for Engine {
     fn after_tick(&mut self, timing: Timing, out: &mut Out<Self>) {
         // One that finds no room is counted by the ring.
         let _ = out.record(timing);
+    }
+
+    fn may_rest(&self) -> u32 {
+        if self.is_at_rest {
+            REST_TICKS as u32
+        } else {
+            0
+        }
     }
 }
 

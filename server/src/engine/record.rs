@@ -20,8 +20,13 @@ const BRICKS_AT_ONCE: usize = 4;
 /// One session at one tick.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct SessionRecord {
-    pub(crate) session: u32,
+    /// The thread that made the tick.
+    pub(crate) thread: usize,
     pub(crate) ticks: u64,
+    /// Ticks since the session began that started more than a whole tick late.
+    pub(crate) late_ticks: u64,
+    /// What a tick since the last record took of its processor, if one was measured, ns.
+    pub(crate) work_ns: Option<u64>,
     pub(crate) clay_epoch: u32,
     pub(crate) initial_units: u64,
     pub(crate) remaining_units: u64,
@@ -63,21 +68,15 @@ pub(crate) enum BrickContent {
     Voxels([u8; BRICK_VOXELS]),
 }
 
-pub(super) fn record(
-    session: &Session,
-    number: u32,
-    frames_sent: u64,
-    now: Timestamp,
-) -> SessionRecord {
+/// The session's own part of a record.
+pub(super) fn record(session: &Session, now: Timestamp) -> SessionRecord {
     let mut record = SessionRecord {
-        session: number,
         ticks: session.ticks(),
         clay_epoch: session.clay_epoch(),
         initial_units: session.clay().initial_units(),
         remaining_units: session.clay().remaining_units(),
-        frames_sent,
         arrivals: session.arrivals(),
-        tools: [None; TOOLS],
+        ..SessionRecord::default()
     };
     for (slot, tool) in record.tools.iter_mut().enumerate() {
         *tool = session.side(slot).map(|side| ToolRecord {

@@ -7,7 +7,6 @@ use std::sync::{Arc, Mutex};
 use std::thread::{JoinHandle, Thread};
 use std::time::Duration;
 
-use rtrb::Consumer;
 use teleclay_channel::{Purpose, TRAILER};
 use teleclay_proto::RealmName;
 use teleclay_proto::frame::{HandleFrame, MAX_FRAME};
@@ -21,7 +20,7 @@ use zenoh::Wait;
 use super::sessions::Sessions;
 use crate::directory::{Directory, Live};
 use crate::doors::{LeaseChannel, Way};
-use crate::engine::{FramesIn, Incoming, Outgoing, TOOLS};
+use crate::engine::{FramesIn, Incoming, Leaving, Outgoing, TOOLS};
 
 /// The sender looks into its ring at least this often, should a wake-up get lost.
 const SENDER_NAP: Duration = Duration::from_millis(5);
@@ -35,7 +34,7 @@ pub(crate) struct Sender {
 
 /// What that thread works with.
 pub(super) struct Sending {
-    pub(super) outgoing: Consumer<Outgoing>,
+    pub(super) outgoing: Leaving,
     pub(super) sessions: watch::Receiver<Sessions>,
     pub(super) realm: RealmName,
     pub(super) directory: Directory,
@@ -44,7 +43,7 @@ pub(super) struct Sending {
 /// The same thread, with frames to put.
 pub(crate) struct FedSender {
     pub(super) sender: Sender,
-    pub(super) outgoing: Consumer<Outgoing>,
+    pub(super) outgoing: Leaving,
 }
 
 impl Sender {
@@ -70,8 +69,8 @@ impl Sender {
         self.thread.thread().clone()
     }
 
-    /// Frames come out of this ring.
-    pub(crate) fn feed(self, outgoing: Consumer<Outgoing>) -> FedSender {
+    /// Frames come out of these rings.
+    pub(crate) fn feed(self, outgoing: Leaving) -> FedSender {
         FedSender {
             sender: self,
             outgoing,
