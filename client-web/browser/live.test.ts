@@ -265,8 +265,14 @@ async function show(session: string): Promise<void> {
   await until(`${session} is shown and runs`, async () => (await live.page.title()) === `running · ${session} · teleclay`);
 }
 
+/** What a tool removes where it is set down in the clay, m³. */
 function volumeOf(tool: ToolShape): number {
-  return tool.kind === "ball" ? (4 / 3) * Math.PI * tool.radius_m ** 3 : tool.width_m * tool.height_m * tool.thickness_m;
+  switch (tool.kind) {
+    case "ball": return (4 / 3) * Math.PI * tool.radius_m ** 3;
+    case "blade": return tool.width_m * tool.height_m * tool.thickness_m;
+    case "cylinder": return Math.PI * tool.radius_m ** 2 * tool.height_m;
+    case "loop": return Math.PI * (tool.ring_radius_m + tool.wire_diameter_m / 2) ** 2 * tool.wire_diameter_m;
+  }
 }
 
 /** The value, where it lies between the two. */

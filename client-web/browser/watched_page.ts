@@ -84,7 +84,7 @@ export class WatchedPage {
       if (text.includes(RENDERERS_OWN) || text.includes(TESTS_OWN) || (this.serverIsAway && NOBODY_THERE.test(text))) return;
       this.complaints.push(`${message.type()}: ${text} (${message.location().url})`);
     });
-    page.on("pageerror", (error) => this.complaints.push(`uncaught: ${error.message}`));
+    page.on("pageerror", (error) => this.complaints.push(`uncaught: ${error.stack ?? error.message}`));
   }
 
   /** `visit`: whoever tests another thing has seen the tour; `#/live?tour=1` shows it all the same. */

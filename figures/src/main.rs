@@ -6,6 +6,7 @@
 
 mod channel;
 mod compute;
+mod cost;
 mod network;
 mod punctuality;
 mod robot;
@@ -32,6 +33,12 @@ struct Arguments {
     /// Answer Zenoh messages on this endpoint until the parent ends (used by the program itself)
     #[arg(long, hide = true)]
     echo_zenoh: Option<String>,
+    /// Answer Zenoh messages of several lines on this endpoint until the parent ends (used by the program itself)
+    #[arg(long, hide = true)]
+    echo_lines: Option<String>,
+    /// Leave out everything but what live sessions cost their server
+    #[arg(long, conflicts_with = "compute_only")]
+    cost_only: bool,
     /// Answer UDP packets on this address until the parent ends (used by the program itself)
     #[arg(long, hide = true)]
     echo_udp: Option<std::net::SocketAddr>,
@@ -53,6 +60,9 @@ fn run(arguments: &Arguments) -> anyhow::Result<()> {
     if let Some(endpoint) = &arguments.echo_zenoh {
         return network::echo_zenoh(endpoint);
     }
+    if let Some(endpoint) = &arguments.echo_lines {
+        return cost::echo_lines(endpoint);
+    }
     if let Some(address) = arguments.echo_udp {
         return network::echo_udp(address);
     }
@@ -65,14 +75,19 @@ fn run(arguments: &Arguments) -> anyhow::Result<()> {
         }
         rows.extend(measured);
     };
-    add("clay", compute::clay()?);
-    add("loop", compute::tool_side()?);
-    add("channel", channel::rows());
-    add("robot", robot::rows()?);
-    add("virtual time", compute::virtual_time()?);
-    add("1 kHz thread", punctuality::rows()?);
-    if !arguments.compute_only {
+    if !arguments.cost_only {
+        add("clay", compute::clay()?);
+        add("loop", compute::tool_side()?);
+        add("channel", channel::rows());
+        add("robot", robot::rows()?);
+        add("virtual time", compute::virtual_time()?);
+        add("1 kHz thread", punctuality::rows()?);
+    }
+    if !(arguments.compute_only || arguments.cost_only) {
         add("network", network::rows()?);
+    }
+    if !arguments.compute_only {
+        add("live sessions", cost::rows()?);
     }
     let stolen = steal::share_since(before);
     add(

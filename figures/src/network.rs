@@ -16,16 +16,16 @@ use crate::row::{Row, quantile};
 /// Exchanges of each kind, and the time between them: the loop's own rhythm, so that caches and cores are as cold as
 /// they are for it.
 const EXCHANGES: u32 = 3_000;
-const PACE: Duration = Duration::from_millis(1);
+pub(crate) const PACE: Duration = Duration::from_millis(1);
 /// As long as a frame with a few sweeps.
-const PAYLOAD: usize = 240;
+pub(crate) const PAYLOAD: usize = 240;
 /// A tick's wait is half a millisecond on average; the rest is what this project may add.
 const ALLOWANCE_S: f64 = 0.6e-3;
 /// What encryption may add: both ways, both ends.
 const FOR_ENCRYPTION_S: f64 = 0.15e-3;
 /// What writing history may add to a tick.
 const FOR_THE_JOURNAL_S: f64 = 1e-6;
-const PATIENCE: Duration = Duration::from_secs(20);
+pub(crate) const PATIENCE: Duration = Duration::from_secs(20);
 
 const HTTP: &str = "127.0.0.1:18099";
 const ZENOH: &str = "tcp/127.0.0.1:17499";
@@ -35,7 +35,7 @@ const LATENESS_P99: &str = "teleclay_lateness_seconds{quantile=\"0.99\"}";
 const UDP_ECHO: &str = "127.0.0.1:17488";
 
 /// A child that ends with this value.
-struct Held(Child);
+pub(crate) struct Held(pub(crate) Child);
 
 impl Drop for Held {
     fn drop(&mut self) {
@@ -96,7 +96,7 @@ pub(crate) fn rows() -> anyhow::Result<Vec<Row>> {
     ])
 }
 
-fn myself(arguments: &[&str]) -> anyhow::Result<Held> {
+pub(crate) fn myself(arguments: &[&str]) -> anyhow::Result<Held> {
     let program = std::env::current_exe()?;
     Ok(Held(
         Command::new(program)
@@ -142,24 +142,24 @@ fn udp_round_trips() -> anyhow::Result<Vec<u64>> {
     Ok(times)
 }
 
-fn runtime() -> anyhow::Result<tokio::runtime::Runtime> {
+pub(crate) fn runtime() -> anyhow::Result<tokio::runtime::Runtime> {
     Ok(tokio::runtime::Builder::new_multi_thread()
         .worker_threads(1)
         .enable_all()
         .build()?)
 }
 
-fn failed(error: zenoh::Error) -> anyhow::Error {
+pub(crate) fn failed(error: zenoh::Error) -> anyhow::Error {
     anyhow::anyhow!("zenoh: {error}")
 }
 
-async fn publisher(
+pub(crate) async fn publisher(
     session: &zenoh::Session,
-    key: &'static str,
+    key: impl Into<String>,
 ) -> anyhow::Result<zenoh::pubsub::Publisher<'static>> {
     let (congestion, priority, is_express, reliability) = CONTROL_QOS;
     session
-        .declare_publisher(key)
+        .declare_publisher(key.into())
         .congestion_control(congestion)
         .priority(priority)
         .express(is_express)
@@ -193,7 +193,7 @@ pub(crate) fn echo_zenoh(endpoint: &str) -> anyhow::Result<()> {
 }
 
 /// The authority of echoes that are encrypted: theirs, and trusted by whoever asks them.
-fn folder() -> PathBuf {
+pub(crate) fn folder() -> PathBuf {
     std::env::temp_dir().join("teleclay-figures-authority")
 }
 

@@ -22,11 +22,58 @@ where
     }
 }
 
+fn rod(session: &mut NewSession) -> &mut ToolDescription {
+    session.tool = ToolDescription::Cylinder {
+        radius_m: 0.01,
+        height_m: 0.02,
+    };
+    &mut session.tool
+}
+
+fn ring(session: &mut NewSession) -> &mut ToolDescription {
+    session.tool = ToolDescription::Loop {
+        ring_radius_m: 0.01,
+        wire_diameter_m: 1e-4,
+    };
+    &mut session.tool
+}
+
+#[test]
+fn a_tool_has_what_its_kind_has_and_nothing_else() {
+    let with = |tool: Value| json!({ "id": "a", "tool": tool });
+    let sound = [
+        json!({ "kind": "cylinder", "radius_m": 0.004, "height_m": 0.03 }),
+        json!({ "kind": "loop", "ring_radius_m": 0.006, "wire_diameter_m": 0.006 }),
+    ];
+    for tool in sound {
+        let session: NewSession = parse(with(tool.clone()).to_string().as_bytes()).expect("sound");
+        assert_eq!(serde_json::to_value(session.tool).expect("it prints"), tool);
+    }
+    for (tool, pointer) in [
+        (json!({ "kind": "cylinder", "radius_m": 0.004 }), "/tool"),
+        (
+            json!({ "kind": "cylinder", "radius_m": 0.004, "height_m": 0.03, "width_m": 0.1 }),
+            "/tool",
+        ),
+        (
+            json!({ "kind": "loop", "radius_m": 0.004, "wire_diameter_m": 0.002 }),
+            "/tool",
+        ),
+        (
+            json!({ "kind": "loop", "ring_radius_m": 0.004, "wire_diameter_m": 0.0041 }),
+            "/tool/wire_diameter_m",
+        ),
+        (json!({ "kind": "spoon", "radius_m": 0.004 }), "/tool/kind"),
+    ] {
+        assert_eq!(refused_at::<NewSession>(with(tool)), pointer);
+    }
+}
+
 /// Every range: the greatest and least number are in, the next one outside is out.
 #[test]
 fn ranges_hold_their_ends_and_nothing_beyond() {
     type Place = fn(&mut NewSession) -> &mut f64;
-    let places: [(&str, f64, f64, Place); 18] = [
+    let places: [(&str, f64, f64, Place); 22] = [
         ("/material/viscosity_pa_s_per_m", 0.0, 1e7, |s| {
             &mut s.material.viscosity_pa_s_per_m
         }),
@@ -65,15 +112,15 @@ fn ranges_hold_their_ends_and_nothing_beyond() {
         }),
         ("/tool/width_m", 1e-4, 0.5, |s| match &mut s.tool {
             ToolDescription::Blade { width_m, .. } => width_m,
-            ToolDescription::Ball { .. } => unreachable!("the default is a blade"),
+            _ => unreachable!("the default is a blade"),
         }),
         ("/tool/height_m", 1e-4, 0.5, |s| match &mut s.tool {
             ToolDescription::Blade { height_m, .. } => height_m,
-            ToolDescription::Ball { .. } => unreachable!("the default is a blade"),
+            _ => unreachable!("the default is a blade"),
         }),
         ("/tool/thickness_m", 1e-4, 0.5, |s| match &mut s.tool {
             ToolDescription::Blade { thickness_m, .. } => thickness_m,
-            ToolDescription::Ball { .. } => unreachable!("the default is a blade"),
+            _ => unreachable!("the default is a blade"),
         }),
         ("/tool/radius_m", 1e-4, 0.1, |s| {
             if !matches!(s.tool, ToolDescription::Ball { .. }) {
@@ -81,8 +128,30 @@ fn ranges_hold_their_ends_and_nothing_beyond() {
             }
             match &mut s.tool {
                 ToolDescription::Ball { radius_m } => radius_m,
-                ToolDescription::Blade { .. } => unreachable!("it was just made a ball"),
+                _ => unreachable!("it was just made a ball"),
             }
+        }),
+        ("/tool/radius_m", 1e-4, 0.1, |s| match rod(s) {
+            ToolDescription::Cylinder { radius_m, .. } => radius_m,
+            _ => unreachable!("it was just made a cylinder"),
+        }),
+        ("/tool/height_m", 1e-4, 0.5, |s| match rod(s) {
+            ToolDescription::Cylinder { height_m, .. } => height_m,
+            _ => unreachable!("it was just made a cylinder"),
+        }),
+        ("/tool/ring_radius_m", 1e-4, 0.1, |s| match ring(s) {
+            ToolDescription::Loop { ring_radius_m, .. } => ring_radius_m,
+            _ => unreachable!("it was just made a loop"),
+        }),
+        ("/tool/wire_diameter_m", 1e-4, 0.1, |s| match ring(s) {
+            ToolDescription::Loop {
+                ring_radius_m,
+                wire_diameter_m,
+            } => {
+                *ring_radius_m = 0.1;
+                wire_diameter_m
+            }
+            _ => unreachable!("it was just made a loop"),
         }),
     ];
     for (pointer, least, most, place) in places {

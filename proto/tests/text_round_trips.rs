@@ -129,7 +129,7 @@ proptest! {
     fn lengths_that_both_sides_need_are_the_same_for_every_reader(
         lengths_m in proptest::array::uniform7(1e-3..1e-2f64),
     ) {
-        for build in [block_and_ball, steps_and_blade] {
+        for build in [block_and_ball, steps_and_blade, cylinder, wire_loop] {
             let session = build(lengths_m);
             let json = serde_json::to_string(&session).expect("it prints");
             prop_assert_eq!(parse::<NewSession>(json.as_bytes()), Ok(session));
@@ -189,6 +189,24 @@ fn steps_and_blade(
     };
     NewSession {
         clay,
+        tool,
+        ..NewSession::new(SessionId::new("a").expect("a name"))
+    }
+}
+
+fn cylinder([radius_m, height_m, ..]: [f64; 7]) -> NewSession {
+    NewSession {
+        tool: ToolDescription::Cylinder { radius_m, height_m },
+        ..NewSession::new(SessionId::new("a").expect("a name"))
+    }
+}
+
+fn wire_loop([length_m, other_m, ..]: [f64; 7]) -> NewSession {
+    let tool = ToolDescription::Loop {
+        ring_radius_m: length_m.max(other_m),
+        wire_diameter_m: length_m.min(other_m),
+    };
+    NewSession {
         tool,
         ..NewSession::new(SessionId::new("a").expect("a name"))
     }

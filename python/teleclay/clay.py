@@ -36,6 +36,19 @@ def blade(width_m: float = 0.01, height_m: float = 0.04, thickness_m: float = 0.
     return {"kind": "blade", "width_m": width_m, "height_m": height_m, "thickness_m": thickness_m}
 
 
+def cylinder(radius_m: float, height_m: float) -> Description:
+    """An upright rod with flat ends as a tool, as an end mill is; its place is the middle of its lower end."""
+    return {"kind": "cylinder", "radius_m": radius_m, "height_m": height_m}
+
+
+def loop(ring_radius_m: float, wire_diameter_m: float) -> Description:
+    """A sculptor's loop as a tool: a ring of round wire, upright across x; its place is the middle of the ring.
+
+    Its wire feels, and the disc within it removes: what passes through the ring is severed and taken away.
+    """
+    return {"kind": "loop", "ring_radius_m": ring_radius_m, "wire_diameter_m": wire_diameter_m}
+
+
 def block(size_m: ArrayLike) -> Description:
     """A cuboid that fills ``[0, size_m]``, m, (3,)."""
     return {"kind": "block", "size_m": np.asarray(size_m, dtype=np.float64)}
@@ -104,7 +117,7 @@ class Clay:
     def carve(self, tool: Description, from_m: ArrayLike, to_m: ArrayLike) -> NDArray[np.uint64]:
         """Removes what straight sweeps pass through, one after another.
 
-        :param tool: as :func:`ball` or :func:`blade` describe it; at least two voxels thick
+        :param tool: as :func:`ball`, :func:`blade`, :func:`cylinder` or :func:`loop` describe it; at least two voxels thick
         :param from_m: where each sweep begins, m, (..., 3)
         :param to_m: where it ends, m, (..., 3)
         :return: what each removed, in units of a 255th of a voxel, (N,)

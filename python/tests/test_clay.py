@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from teleclay import clay
-from teleclay.clay import UNITS_PER_VOXEL, Clay, ball, blade, block
+from teleclay.clay import UNITS_PER_VOXEL, Clay, ball, blade, block, cylinder, loop
 
 SIZE_M = [0.04, 0.03, 0.02]
 
@@ -58,6 +58,21 @@ def test_viscous_clay_resists_by_area_and_speed():
     area = made.engaged_area_m2(blade(width_m, 0.04, 0.002), [0.04, 0.02, 0.02 - depth_m], [[1, 0, 0], [-1, 0, 0]])
     np.testing.assert_allclose(area[0], width_m * depth_m, rtol=0.02)
     assert area.shape == (2,)
+
+
+def test_a_cylinder_mills_its_width_and_a_loop_takes_a_ribbon():
+    y_m, length_m = 0.02, 0.06
+    milled = Clay(block([length_m, 0.04, 0.02]), 5e-4)
+    radius_m, depth_m = 0.005, 0.008
+    milled.carve(cylinder(radius_m, 0.03), [-0.02, y_m, 0.02 - depth_m], [0.08, y_m, 0.02 - depth_m])
+    assert abs(milled.removed_volume_m3 / (2 * radius_m * depth_m * length_m) - 1) < 5e-3
+    ribbon = Clay(block([length_m, 0.04, 0.04]), 5e-4)
+    ring_m, wire_m = 0.006, 0.002
+    work = ribbon.work(loop(ring_m, wire_m), [[x_m, y_m, 0.02] for x_m in np.linspace(-0.01, 0.03, 200)], clay.material())
+    # The disc has gone half of the way, and the wire alone feels.
+    wanted_m3 = np.pi * (ring_m + wire_m / 2) ** 2 * (0.03 + wire_m / 2)
+    assert abs(ribbon.removed_volume_m3 / wanted_m3 - 1) < 1e-2
+    np.testing.assert_allclose(work.engaged_area_m2[-50:], 2 * np.pi * ring_m * wire_m, rtol=0.02)
 
 
 def test_the_surface_is_closed_and_encloses_what_is_left():

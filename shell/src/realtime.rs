@@ -58,6 +58,12 @@ pub trait Machine: Send + 'static {
     fn may_rest(&self) -> u32 {
         0
     }
+
+    /// By how much the next deadline is to be later than a period after this one, ns; see [`Next::Shift`]. Asked once a
+    /// tick.
+    fn shift_ns(&mut self) -> i64 {
+        0
+    }
 }
 
 /// How one tick went.
@@ -252,11 +258,13 @@ impl<M: Machine> Realtime<M> {
         {
             reader.unpark();
         }
+        let shift_ns = self.machine.shift_ns();
         // An order that comes after this look wakes the thread.
         let can_rest = self.waker.is_some() && self.orders.is_empty();
-        match self.machine.may_rest() {
-            most @ 1.. if can_rest => Next::Rest(most),
-            _ => Next::Continue,
+        match (self.machine.may_rest(), shift_ns) {
+            (most @ 1.., _) if can_rest => Next::Rest(most),
+            (_, 0) => Next::Continue,
+            (_, shift_ns) => Next::Shift(shift_ns),
         }
     }
 
@@ -350,7 +358,7 @@ mod tests {
             number,
             lateness: Duration::from_micros(7),
             given_up: 2,
-            rested: 0,
+            ..Tick::default()
         }
     }
 

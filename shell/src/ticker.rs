@@ -4,10 +4,6 @@
 //! (a suspended machine) the missed ones are given up and counted. Each tick is told how late it started; what to count
 //! is the caller's.
 //!
-//! Threads of a process that have the same period have the same deadlines, and number them alike: what goes from one to
-//! the other finds its next tick there. Deadlines are counted from the moment at which the first of them began, so that
-//! two programs on one machine do not all wake at once.
-//!
 //! A step without work may rest ([`Next::Rest`]): the thread then sleeps through a number of deadlines, or until its
 //! [`Waker`] wakes it, and goes on at the deadline that comes next.
 
@@ -68,9 +64,11 @@ pub struct TickerConfig {
 /// One tick's circumstances.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Tick {
-    /// Number of its deadline, the same on every thread with the same period. It grows by one from tick to tick, and by
-    /// one more for each deadline that was given up or slept through.
+    /// Number of its deadline, from 0. It grows by one from tick to tick, and by one more for each deadline that was
+    /// given up or slept through.
     pub number: u64,
+    /// When the deadline was, on the clock that all threads of a process share, ns.
+    pub deadline_ns: u64,
     /// How long after its deadline the tick started.
     pub lateness: Duration,
     /// Deadlines given up just before this tick.
@@ -86,6 +84,9 @@ pub enum Next {
     Continue,
     /// Another tick after so many deadlines that are slept through, or at the next deadline after a waking.
     Rest(u32),
+    /// Another tick, whose deadline, and with it every later one, is so many ns later than it would have been; negative
+    /// for sooner. A thousandth of the period counts at most.
+    Shift(i64),
     /// End the thread.
     Stop,
 }
@@ -118,9 +119,6 @@ pub struct Ticker {
     thread: Option<JoinHandle<()>>,
     scheduler: String,
 }
-
-/// When the first thread of this process began to tick.
-static BEGAN_NS: OnceLock<u64> = OnceLock::new();
 
 /// Priority asked for with [`Scheduling::Fifo`]: low, since nothing here competes with another real-time program.
 const FIFO_PRIORITY: i32 = 10;
@@ -184,11 +182,9 @@ pub fn thread_time_ns() -> u64 {
 fn run(config: &TickerConfig, stop: &AtomicBool, step: &mut impl FnMut(Tick) -> Next) {
     let period = (config.period.as_nanos() as u64).max(1);
     let spin = config.spin.as_nanos() as u64;
-    let began = *BEGAN_NS.get_or_init(platform::now_ns);
-    let mut number = platform::now_ns().saturating_sub(began) / period + 1;
-    let mut rested = 0;
+    let mut deadline = platform::now_ns() + period;
+    let (mut number, mut rested) = (0, 0);
     while !stop.load(Ordering::Relaxed) {
-        let deadline = began + number * period;
         platform::sleep_until(deadline.saturating_sub(spin));
         while platform::now_ns() < deadline {
             std::hint::spin_loop();
@@ -201,23 +197,35 @@ fn run(config: &TickerConfig, stop: &AtomicBool, step: &mut impl FnMut(Tick) -> 
             0
         };
         number += given_up;
+        deadline += given_up * period;
         let next = step(Tick {
             number,
+            deadline_ns: deadline,
             lateness: Duration::from_nanos(late),
             given_up,
             rested,
         });
         number += 1;
-        rested = match next {
-            Next::Continue => 0,
-            Next::Rest(most) => {
-                rest_until(began + (number + u64::from(most)) * period);
-                slept_through(number, period, platform::now_ns() - began)
-            }
+        rested = 0;
+        deadline += match next {
             Next::Stop => return,
+            Next::Continue => period,
+            Next::Shift(shift_ns) => shifted(period, shift_ns),
+            Next::Rest(most) => {
+                let next = deadline + period;
+                rest_until(next + u64::from(most) * period);
+                rested = slept_through(next, period, platform::now_ns());
+                period + rested * period
+            }
         };
         number += rested;
     }
+}
+
+/// A period, longer by a shift; the rate stays within a thousandth of what was asked for whoever shifts.
+fn shifted(period: u64, shift_ns: i64) -> u64 {
+    let most = (period / 1000) as i64;
+    period.saturating_add_signed(shift_ns.clamp(-most, most))
 }
 
 /// Sleeps, unless the thread is woken.
@@ -227,9 +235,9 @@ fn rest_until(until_ns: u64) {
     std::thread::park_timeout(Duration::from_nanos(asleep_ns));
 }
 
-/// How many deadlines from `number` on are over, so long after the first.
-fn slept_through(number: u64, period: u64, since_ns: u64) -> u64 {
-    since_ns.div_ceil(period).saturating_sub(number)
+/// How many deadlines are over at `now_ns`, of which `next_ns` is the first.
+fn slept_through(next_ns: u64, period: u64, now_ns: u64) -> u64 {
+    now_ns.saturating_sub(next_ns).div_ceil(period)
 }
 
 #[cfg(target_os = "linux")]
@@ -356,7 +364,7 @@ mod tests {
             (8_001, 2),
             (57_000, 50),
         ] {
-            assert_eq!(slept_through(7, 1000, now_ns), slept, "at {now_ns}");
+            assert_eq!(slept_through(7_000, 1000, now_ns), slept, "at {now_ns}");
         }
     }
 
@@ -390,35 +398,15 @@ mod tests {
         }
     }
 
-    /// What moves from one thread to another finds its next tick there.
     #[test]
-    fn two_threads_with_the_same_period_number_their_deadlines_alike() {
-        let config = TickerConfig {
-            name: "numbering",
-            period: Duration::from_millis(1),
-            scheduling: Scheduling::Normal,
-            spin: Duration::ZERO,
-        };
-        let [a, b] = [(), ()].map(|()| {
-            let (told, ticks) = std::sync::mpsc::channel();
-            let ticker = Ticker::spawn(config.clone(), move |tick: Tick| {
-                // When the deadline was, by a clock that both share.
-                let deadline_ns = platform::now_ns() - tick.lateness.as_nanos() as u64;
-                // Nobody listens at the end.
-                let _ = told.send((tick.number, deadline_ns));
-                Next::Continue
-            })
-            .unwrap();
-            (ticker, ticks)
-        });
-        let (first, second) = (a.1.recv().unwrap(), b.1.recv().unwrap());
-        for (number, deadline_ns) in [first, second] {
-            // The clock is read a moment after the lateness was.
-            let began_ns = *BEGAN_NS.get().unwrap();
-            assert!(
-                began_ns + number * 1_000_000 <= deadline_ns,
-                "{number} {deadline_ns}"
-            );
+    fn a_shift_changes_the_rate_by_a_thousandth_at_most() {
+        for (shift_ns, expected) in [
+            (0, 1_000_000),
+            (-500, 999_500),
+            (i64::MAX, 1_001_000),
+            (i64::MIN, 999_000),
+        ] {
+            assert_eq!(shifted(1_000_000, shift_ns), expected);
         }
     }
 

@@ -65,6 +65,8 @@ def bodies_of(interface):
     block = {"kind": "block", "size_m": [0.03, 0.02, 0.01]}
     stepped = {"kind": "stepped", "edges_m": [0.01, 0.02, 0.03], "depths_of_cut_m": [0.01, 0.02], "base_m": 0.01, "width_m": 0.02}
     blade = {"kind": "blade", "width_m": 0.01, "height_m": 0.04, "thickness_m": 0.002}
+    cylinder = {"kind": "cylinder", "radius_m": 0.004, "height_m": 0.03}
+    wire = {"kind": "loop", "ring_radius_m": 0.006, "wire_diameter_m": 0.0025}
 
     def session(shape, tool):
         return {
@@ -80,7 +82,10 @@ def bodies_of(interface):
     plants = {"g_h": servo, "s_h": give, "t_h": [0.25, 2, 6], "g_t": actuator, "s_t": give, "position_ratio": 1, "force_ratio": -1}
     one = interface.session()
     return [
-        ("POST", "/api/v1/sessions", [session(block, {"kind": "ball", "radius_m": 0.004}), session(stepped, blade)]),
+        (
+            "POST", "/api/v1/sessions",
+            [session(block, {"kind": "ball", "radius_m": 0.004}), session(stepped, blade), session(block, cylinder), session(block, wire)],
+        ),
         (
             "PATCH", f"/api/v1/sessions/{one}",
             [{"scheme": "force_exchange", "material": material, "network": network, "deadband": 0.1, "paused": False}],

@@ -78,6 +78,8 @@ const clayShape = v.variant("kind", [
 const toolShape = v.variant("kind", [
   v.object({ kind: v.literal("ball"), radius_m: v.number() }),
   v.object({ kind: v.literal("blade"), width_m: v.number(), height_m: v.number(), thickness_m: v.number() }),
+  v.object({ kind: v.literal("cylinder"), radius_m: v.number(), height_m: v.number() }),
+  v.object({ kind: v.literal("loop"), ring_radius_m: v.number(), wire_diameter_m: v.number() }),
 ]) satisfies Check<"ToolDescription">;
 
 const quantiles = v.object({ p50: v.number(), p99: v.number() });

@@ -20,20 +20,22 @@ const SMOOTH_MM = 900;
 const LINES_MM = 400;
 const STEP_MM = 10;
 const STRONG_MM = 50;
+/** The colours that the smooth ground is drawn with. */
+const SMOOTH_COLOURS = ["ground", "line", "background"] as const;
+type SmoothColours = Readonly<Record<(typeof SMOOTH_COLOURS)[number], THREE.Color>>;
 
 /** Fades into the background; lines keep their width on screen. Costs every pixel of the ground. */
 export class SmoothGround implements Ground {
   readonly object: THREE.Mesh<THREE.PlaneGeometry, THREE.ShaderMaterial>;
+  /** A picture may be drawn before it is told its colours, and a colour that is none ends the drawing. */
+  readonly #colours: SmoothColours = { ground: new THREE.Color(), line: new THREE.Color(), background: new THREE.Color() };
 
   constructor() {
-    this.object = new THREE.Mesh(new THREE.PlaneGeometry(SMOOTH_MM, SMOOTH_MM), smoothMaterial());
+    this.object = new THREE.Mesh(new THREE.PlaneGeometry(SMOOTH_MM, SMOOTH_MM), smoothMaterial(this.#colours));
   }
 
   colour(colours: StageColours): void {
-    const { uniforms } = this.object.material;
-    uniforms["ground"].value = new THREE.Color(colours.ground);
-    uniforms["line"].value = new THREE.Color(colours.line);
-    uniforms["background"].value = new THREE.Color(colours.background);
+    for (const name of SMOOTH_COLOURS) this.#colours[name].set(colours[name]);
   }
 
   dispose(): void {
@@ -78,9 +80,9 @@ function lines(wanted: (n: number) => boolean): THREE.LineSegments<THREE.BufferG
   return new THREE.LineSegments(new THREE.BufferGeometry().setFromPoints(points), new THREE.LineBasicMaterial({ toneMapped: false }));
 }
 
-function smoothMaterial(): THREE.ShaderMaterial {
+function smoothMaterial({ ground, line, background }: SmoothColours): THREE.ShaderMaterial {
   return new THREE.ShaderMaterial({
-    uniforms: { ground: { value: null }, line: { value: null }, background: { value: null } },
+    uniforms: { ground: { value: ground }, line: { value: line }, background: { value: background } },
     vertexShader: /* glsl */ `
       varying vec2 place;
       varying vec2 fromCentre;

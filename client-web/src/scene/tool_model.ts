@@ -1,17 +1,21 @@
 // The tool in the clay, and the ghost of it where the handle would have it.
 
 import * as THREE from "three";
+import type { ToolShape } from "../protocol/session";
 import type { Quality } from "./quality";
 import { RoomEnvironment } from "three/examples/jsm/environments/RoomEnvironment.js";
 
 /** Size of a tool, in millimetres. */
 export type ToolSize =
   | { readonly kind: "ball"; readonly radius: number }
-  | { readonly kind: "blade"; readonly width: number; readonly height: number; readonly thickness: number };
+  | { readonly kind: "blade"; readonly width: number; readonly height: number; readonly thickness: number }
+  | { readonly kind: "cylinder"; readonly radius: number; readonly height: number }
+  | { readonly kind: "loop"; readonly ring: number; readonly wire: number };
 
 /** Closer than this the ghost would only make the tool's outline thick, mm. */
 const GHOST_FROM_MM = 0.4;
 export const SHAFT_MM = 46;
+const MM_PER_M = 1000;
 
 export class ToolModel {
   readonly group = new THREE.Group();
@@ -47,7 +51,7 @@ export class ToolModel {
     this.#tool.clear();
     this.#ghost.clear();
     const { body, shaft } = partsOf(size);
-    const outline = size.kind === "ball" ? rings(size.radius) : new THREE.EdgesGeometry(body);
+    const outline = outlineOf(size, body);
     this.#geometries = [body, shaft, outline];
     for (const [geometry, material] of [[body, this.#metal], [shaft, this.#dark]] as const) {
       const mesh = new THREE.Mesh(geometry, material);
@@ -93,16 +97,74 @@ export class ToolModel {
   }
 }
 
+/** A tool's size as the scene has it. */
+export function sizeOf(shape: ToolShape): ToolSize {
+  const mm = (metres: number): number => metres * MM_PER_M;
+  switch (shape.kind) {
+    case "ball": return { kind: "ball", radius: mm(shape.radius_m) };
+    case "blade": return { kind: "blade", width: mm(shape.width_m), height: mm(shape.height_m), thickness: mm(shape.thickness_m) };
+    case "cylinder": return { kind: "cylinder", radius: mm(shape.radius_m), height: mm(shape.height_m) };
+    case "loop": return { kind: "loop", ring: mm(shape.ring_radius_m), wire: mm(shape.wire_diameter_m) };
+  }
+}
+
 /** What cuts, and what it is held by. */
 export function partsOf(size: ToolSize): { readonly body: THREE.BufferGeometry; readonly shaft: THREE.BufferGeometry } {
-  const body = size.kind === "ball"
-    ? new THREE.SphereGeometry(size.radius, 48, 32)
-    : new THREE.BoxGeometry(size.thickness, size.width, size.height).translate(0, 0, size.height / 2);
-  const top = size.kind === "ball" ? size.radius * 0.8 : size.height;
-  const thickness = size.kind === "ball" ? Math.max(size.radius * 0.28, 0.8) : Math.max(size.thickness * 0.9, 1.2);
-  const shaft = new THREE.CylinderGeometry(thickness, thickness, SHAFT_MM, 24)
-    .rotateX(Math.PI / 2).translate(0, 0, top + SHAFT_MM / 2);
-  return { body, shaft };
+  const radius = shaftRadius(size);
+  const shaft = new THREE.CylinderGeometry(radius, radius, SHAFT_MM, 24)
+    .rotateX(Math.PI / 2).translate(0, 0, shaftFrom(size) + SHAFT_MM / 2);
+  return { body: bodyOf(size), shaft };
+}
+
+/** How high the tool is above its position, mm: where whoever holds it takes hold. */
+export function topOf(size: ToolSize): number {
+  switch (size.kind) {
+    case "ball": return size.radius;
+    case "loop": return size.ring + size.wire / 2;
+    case "blade":
+    case "cylinder": return size.height;
+  }
+}
+
+/** How high the middle of what cuts is above the tool's position, mm. */
+export function middleOf(size: ToolSize): number {
+  return size.kind === "ball" || size.kind === "loop" ? 0 : size.height / 2;
+}
+
+function bodyOf(size: ToolSize): THREE.BufferGeometry {
+  switch (size.kind) {
+    case "ball": return new THREE.SphereGeometry(size.radius, 48, 32);
+    case "blade": return new THREE.BoxGeometry(size.thickness, size.width, size.height).translate(0, 0, size.height / 2);
+    case "cylinder":
+      return new THREE.CylinderGeometry(size.radius, size.radius, size.height, 48).rotateX(Math.PI / 2).translate(0, 0, size.height / 2);
+    // A torus lies in the plane of x and y; this one stands across x.
+    case "loop": return new THREE.TorusGeometry(size.ring, size.wire / 2, 16, 64).rotateY(Math.PI / 2);
+  }
+}
+
+/** Where the shaft begins, mm above the tool's position: in a ball a little inside, in a loop within the wire. */
+function shaftFrom(size: ToolSize): number {
+  switch (size.kind) {
+    case "ball": return size.radius * 0.8;
+    case "loop": return size.ring;
+    case "blade":
+    case "cylinder": return size.height;
+  }
+}
+
+function shaftRadius(size: ToolSize): number {
+  switch (size.kind) {
+    case "ball": return Math.max(size.radius * 0.28, 0.8);
+    case "blade": return Math.max(size.thickness * 0.9, 1.2);
+    case "cylinder": return Math.max(size.radius * 0.7, 0.8);
+    case "loop": return Math.max(size.wire * 0.9, 1.2);
+  }
+}
+
+function outlineOf(size: ToolSize, body: THREE.BufferGeometry): THREE.BufferGeometry {
+  if (size.kind === "ball") return circles(size.radius, [0, 1, 2]);
+  if (size.kind === "loop") return circles(size.ring + size.wire / 2, [0]);
+  return new THREE.EdgesGeometry(body);
 }
 
 /** A bright room for metal to mirror. */
@@ -115,11 +177,11 @@ function roomAround(renderer: THREE.WebGLRenderer): THREE.WebGLRenderTarget {
   return environment;
 }
 
-/** Three great circles: the outline of a ball from any side. */
-function rings(radius: number): THREE.BufferGeometry {
+/** Circles about some of the axes: about all three, the outline of a ball from any side. */
+function circles(radius: number, axes: readonly number[]): THREE.BufferGeometry {
   const points: THREE.Vector3[] = [];
   const steps = 64;
-  for (let axis = 0; axis < 3; axis += 1) {
+  for (const axis of axes) {
     for (let n = 0; n < 2 * steps; n += 1) {
       const angle = (2 * Math.PI * Math.ceil(n / 2)) / steps;
       const at = [0, 0, 0];

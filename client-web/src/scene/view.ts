@@ -18,7 +18,7 @@ import { contextOf, processorDraws, type Quality } from "./quality";
 import { rest } from "./rest";
 import { lookFrom, type Sight, sightOf } from "./sight";
 import { Stage } from "./stage";
-import { SHAFT_MM, ToolModel, type ToolSize } from "./tool_model";
+import { middleOf, SHAFT_MM, sizeOf, ToolModel, topOf } from "./tool_model";
 import { Trail } from "./trail";
 
 export interface ViewColours extends StageColours {
@@ -178,15 +178,12 @@ export class ClayView {
   }
 
   setTool(shape: ToolShape): void {
-    const mm = (metres: number): number => metres * MM_PER_M;
-    const size: ToolSize = shape.kind === "ball"
-      ? { kind: "ball", radius: mm(shape.radius_m) }
-      : { kind: "blade", width: mm(shape.width_m), height: mm(shape.height_m), thickness: mm(shape.thickness_m) };
+    const size = sizeOf(shape);
     this.#tool.setSize(size);
     this.#others.setSize(size);
     this.#placed = [Number.NaN];
-    this.#cutting_mm = shape.kind === "ball" ? 0 : mm(shape.height_m) / 2;
-    this.#grip_mm = (shape.kind === "ball" ? mm(shape.radius_m) : mm(shape.height_m)) + 0.7 * SHAFT_MM;
+    this.#cutting_mm = middleOf(size);
+    this.#grip_mm = topOf(size) + 0.7 * SHAFT_MM;
     this.#touch();
   }
 

@@ -4,8 +4,8 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use teleclay_clay::{
-    Ball, Blade, BladeDimensions, Coefficients, Material, MaterialError, Shape, ShapeError,
-    SteppedBlock, SteppedDimensions, Tool, ToolError, ToolShape,
+    Ball, Blade, BladeDimensions, Coefficients, Cylinder, Material, MaterialError, Shape,
+    ShapeError, SteppedBlock, SteppedDimensions, Tool, ToolError, ToolShape, WireLoop,
 };
 use teleclay_control::{
     DiscreteStateSpace, DiscretiseError, Inverse, InverseError, RationalError, RationalFunction,
@@ -78,6 +78,13 @@ pub fn tool_shape(description: &ToolDescription) -> Result<ToolShape, ToolError>
             height_m,
             thickness_m,
         })?),
+        ToolDescription::Cylinder { radius_m, height_m } => {
+            ToolShape::Cylinder(Cylinder::new(radius_m, height_m)?)
+        }
+        ToolDescription::Loop {
+            ring_radius_m,
+            wire_diameter_m,
+        } => ToolShape::Loop(WireLoop::new(ring_radius_m, wire_diameter_m)?),
     })
 }
 

@@ -2,18 +2,29 @@
 //! `cargo run --release -p teleclay-clay --example tick`.
 //!
 //! A ball of 12.8 voxels radius moves a quarter of a voxel per tick through fresh clay, half sunk into the top of the
-//! block and wholly inside it; the paper's blade cuts at three depths.
+//! block and wholly inside it; the paper's blade cuts a centimetre deep. A cylinder of that radius and a loop of that
+//! ring do what they are made for: the one cuts a centimetre deep, the other is drawn flat through the clay. A cube as
+//! wide as the ball is cut and felt as a mesh.
 #![allow(clippy::print_stdout)] // a program's output
 
 use std::time::Instant;
 
-use teleclay_clay::{Clay, ContactState, Material, Motion, Pose, Shape, Tool, ToolShape};
+use teleclay_clay::{
+    Clay, ContactState, Cylinder, Material, MeshTool, MeshToolError, Motion, Pose, Shape, Tool,
+    ToolShape, WireLoop,
+};
 
 const VOXEL_M: f64 = 5e-4;
 
+#[derive(Clone)]
+enum Cutter {
+    Shape(ToolShape),
+    Mesh(MeshTool),
+}
+
 struct Stroke {
     name: &'static str,
-    tool: ToolShape,
+    tool: Cutter,
     voxels: usize,
     /// Height of the tool's pose above the middle of the block, in voxels.
     height: f64,
@@ -21,8 +32,13 @@ struct Stroke {
 }
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let ball = ToolShape::ball(12.8 * VOXEL_M)?;
-    let blade = ToolShape::paper_blade();
+    let ball = Cutter::Shape(ToolShape::ball(12.8 * VOXEL_M)?);
+    let blade = Cutter::Shape(ToolShape::paper_blade());
+    let cylinder = Cylinder::new(12.8 * VOXEL_M, 40.0 * VOXEL_M)?;
+    let cylinder = Cutter::Shape(ToolShape::Cylinder(cylinder));
+    let wire = WireLoop::new(12.8 * VOXEL_M, 4.0 * VOXEL_M)?;
+    let wire = Cutter::Shape(ToolShape::Loop(wire));
+    let cube = Cutter::Mesh(cube(25.6 * VOXEL_M)?);
     let along = [1.0, 0.0, 0.0];
     let up = [0.0, 0.0, 1.0];
     let diagonal = [0.6, 0.64, 0.48];
@@ -31,42 +47,84 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         for stroke in [
             Stroke {
                 name: "ball inside, along x",
-                tool: ball,
+                tool: ball.clone(),
                 voxels,
                 height: 0.0,
                 direction: along,
             },
             Stroke {
                 name: "ball inside, along z",
-                tool: ball,
+                tool: ball.clone(),
                 voxels,
                 height: 0.0,
                 direction: up,
             },
             Stroke {
                 name: "ball inside, diagonal",
-                tool: ball,
+                tool: ball.clone(),
                 voxels,
                 height: 0.0,
                 direction: diagonal,
             },
             Stroke {
                 name: "ball half sunk, along x",
-                tool: ball,
+                tool: ball.clone(),
                 voxels,
                 height: 0.5 * edge,
                 direction: along,
             },
             Stroke {
                 name: "blade 1 cm deep",
-                tool: blade,
+                tool: blade.clone(),
                 voxels,
                 height: 0.5 * edge - 20.0,
                 direction: along,
             },
             Stroke {
+                name: "cylinder 1 cm deep",
+                tool: cylinder.clone(),
+                voxels,
+                height: 0.5 * edge - 20.0,
+                direction: along,
+            },
+            Stroke {
+                name: "cylinder, diagonal",
+                tool: cylinder.clone(),
+                voxels,
+                height: 0.0,
+                direction: diagonal,
+            },
+            Stroke {
+                name: "loop inside, along x",
+                tool: wire.clone(),
+                voxels,
+                height: 0.0,
+                direction: along,
+            },
+            Stroke {
+                name: "loop inside, diagonal",
+                tool: wire.clone(),
+                voxels,
+                height: 0.0,
+                direction: diagonal,
+            },
+            Stroke {
+                name: "mesh inside, along x",
+                tool: cube.clone(),
+                voxels,
+                height: 0.0,
+                direction: along,
+            },
+            Stroke {
+                name: "mesh inside, diagonal",
+                tool: cube.clone(),
+                voxels,
+                height: 0.0,
+                direction: diagonal,
+            },
+            Stroke {
                 name: "ball in air",
-                tool: ball,
+                tool: ball.clone(),
                 voxels,
                 height: edge,
                 direction: along,
@@ -76,6 +134,26 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         }
     }
     Ok(())
+}
+
+/// A cube about the tool's position as a closed mesh.
+fn cube(edge_m: f64) -> Result<MeshTool, MeshToolError> {
+    let vertices_m: Vec<[f64; 3]> = (0..8)
+        .map(|corner: usize| [0, 1, 2].map(|bit| edge_m * ((corner >> bit & 1) as f64 - 0.5)))
+        .collect();
+    let quads = [
+        [0, 4, 6, 2],
+        [1, 3, 7, 5],
+        [0, 1, 5, 4],
+        [2, 6, 7, 3],
+        [0, 2, 3, 1],
+        [4, 5, 7, 6],
+    ];
+    let triangles: Vec<[u32; 3]> = quads
+        .into_iter()
+        .flat_map(|[a, b, c, d]| [[a, b, c], [a, c, d]])
+        .collect();
+    MeshTool::new(&vertices_m, &triangles)
 }
 
 impl Stroke {
@@ -90,7 +168,10 @@ impl Stroke {
             VOXEL_M,
         )?;
         clay.commit_pages();
-        let tool = Tool::new(self.tool);
+        let tool = match &self.tool {
+            Cutter::Shape(shape) => Ok(Tool::new(*shape)),
+            Cutter::Mesh(mesh) => Err(mesh),
+        };
         let (material, mut contact) = (Material::default(), ContactState::default());
         let step_m = 0.25 * VOXEL_M;
         let ticks = self.voxels * 3;
@@ -108,7 +189,10 @@ impl Stroke {
         for tick in 0..ticks {
             let motion = Motion::new(place(tick)?, place(tick + 1)?, velocity_m_s)?;
             let start = Instant::now();
-            let worked = clay.work(&tool, &material, &motion, &mut contact);
+            let worked = match &tool {
+                Ok(tool) => clay.work(tool, &material, &motion, &mut contact),
+                Err(mesh) => clay.work_mesh(mesh, &material, &motion, &mut contact),
+            };
             ticks_s.push(start.elapsed().as_secs_f64());
             force_n += worked.response.force_n[0];
         }

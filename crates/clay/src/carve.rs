@@ -25,13 +25,17 @@ mod blade;
 mod capsule;
 mod cleared;
 mod list;
+mod mesh;
+mod rod;
 mod segment;
 mod tables;
 
+use crate::bake::Baked;
 use crate::changes::Changes;
 use crate::field::{Brick, Field};
 use crate::grid::BRICK_EDGE;
 use crate::lanes::{Removed, Tile, Work, widely};
+use crate::pose::Pose;
 use crate::sweep::Sweep;
 use crate::tool::ToolShape;
 
@@ -39,6 +43,8 @@ use ball::BallStep;
 use blade::BladeSweep;
 use capsule::CapsuleSweep;
 use list::List;
+use mesh::{MeshAt, places};
+use rod::{Rod, RodSweep};
 use segment::Segment;
 use tables::BrickAt;
 
@@ -92,6 +98,42 @@ pub(crate) fn carve(
             if moves {
                 carver.cut(&BladeSweep::new(blade, &segment));
             }
+        }
+        ToolShape::Cylinder(cylinder) => {
+            carver.cut_rod::<2>(&Rod::upright(cylinder), &segment, start);
+        }
+        ToolShape::Loop(wire_loop) => {
+            carver.cut_rod::<0>(&Rod::within(wire_loop), &segment, start);
+        }
+    }
+    before - field.total()
+}
+
+/// Likewise by a mesh that goes straight from one pose to another.
+pub(crate) fn carve_mesh(
+    field: &mut Field,
+    changes: &mut Changes,
+    tables: &mut Tables,
+    baked: &Baked,
+    [from, to]: [Pose; 2],
+    start: Start,
+) -> u64 {
+    let segment = Segment::between(from, to, field.grid().voxel_size_m());
+    let before = field.total();
+    let mut carver = Carver {
+        revision: changes.upcoming(),
+        field,
+        changes,
+        tables,
+        bands: List::new(),
+        work: List::new(),
+    };
+    if start == Start::Unknown {
+        carver.cut(&MeshAt::new(baked, segment.from, segment.per_metre));
+    }
+    if !segment.is_standing() {
+        for place in places(&segment) {
+            carver.cut(&MeshAt::new(baked, place, segment.per_metre));
         }
     }
     before - field.total()
@@ -171,6 +213,15 @@ impl<S: Solid> Work for Cut<'_, '_, S> {
 }
 
 impl Carver<'_> {
+    fn cut_rod<const AXIS: usize>(&mut self, rod: &Rod, segment: &Segment, start: Start) {
+        if start == Start::Unknown {
+            self.cut(&RodSweep::<AXIS>::set_down(rod, segment));
+        }
+        if !segment.is_standing() {
+            self.cut(&RodSweep::<AXIS>::new(rod, segment));
+        }
+    }
+
     fn cut<S: Solid>(&mut self, solid: &S) {
         widely(Cut {
             carver: self,

@@ -1,10 +1,12 @@
 //! The clay: one block that is cut, felt, watched, compared and healed.
 
+mod mesh;
+
 use thiserror::Error;
 
 use crate::carve::{self, Cleared, Start, Tables};
 use crate::changes::Changes;
-use crate::engage::{self, Tool};
+use crate::engage::{self, Faces, Tool};
 use crate::field::{self, BrickView, Field};
 use crate::grid::{BRICK_EDGE, BrickIndex, Grid};
 use crate::hash::Hashes;
@@ -129,7 +131,10 @@ impl Clay {
     /// # Errors
     /// When the tool is thinner than two voxels: it would leave clay standing in its way.
     pub fn admits(&self, shape: &ToolShape) -> Result<(), ToolError> {
-        let got_m = shape.extents_m().into_iter().fold(f64::INFINITY, f64::min);
+        self.admits_thickness(shape.extents_m().into_iter().fold(f64::INFINITY, f64::min))
+    }
+
+    fn admits_thickness(&self, got_m: f64) -> Result<(), ToolError> {
         let need_m = 2.0 * self.grid().voxel_size_m();
         // A tool of exactly two voxels is fine, in spite of how either length was rounded.
         if got_m < need_m * (1.0 - 1e-9) {
@@ -183,7 +188,7 @@ impl Clay {
         contact: &mut ContactState,
     ) -> Response {
         let directions = law::directions(material, contact, motion);
-        let areas_m2 = engage::engaged_areas_m2(&self.field, tool, motion.to(), directions);
+        let areas_m2 = engage::engaged_areas_m2(&self.field, tool.faces(), motion.to(), directions);
         law::respond(material, contact, motion, areas_m2)
     }
 
@@ -191,12 +196,16 @@ impl Clay {
     /// need not be of unit length; a zero or non-finite one engages nothing.
     #[must_use]
     pub fn engaged_area_m2(&self, tool: &Tool, at: Pose, direction: [f64; 3]) -> f64 {
+        self.area_of_faces_m2(tool.faces(), at, direction)
+    }
+
+    fn area_of_faces_m2(&self, faces: &Faces, at: Pose, direction: [f64; 3]) -> f64 {
         let length = direction.iter().map(|d| d * d).sum::<f64>().sqrt();
         if !(length.is_finite() && 0.0 < length) {
             return 0.0;
         }
         let direction = direction.map(|d| d / length);
-        engage::engaged_areas_m2(&self.field, tool, at, [direction, [0.0; 3]])[0]
+        engage::engaged_areas_m2(&self.field, faces, at, [direction, [0.0; 3]])[0]
     }
 
     /// Units of 1/255 voxel that the block had when it was fresh.

@@ -5,7 +5,8 @@
 //! ```
 //!
 //! with `n` the outward normal, `d` the direction of motion and `e` 1 where clay stands ahead, 0 where air does. A ball
-//! wholly in clay has `pi r^2`, a blade its width times the depth of cut. The integral is a sum over points that are
+//! wholly in clay has `pi r^2`, a blade its width times the depth of cut, an upright cylinder its diameter times that, a
+//! loop drawn flat through clay the ring of its wire, `2 pi R d` for a wire of thickness `d`. The integral is a sum over points that are
 //! fixed in the tool, so what is summed does not depend on the speed, and a removed volume never has to be divided by a
 //! small step.
 //!
@@ -17,12 +18,14 @@
 //! and the walls of a cut, which hold half at the rim of the tool that made it, do not count.
 
 mod points;
+mod rod;
 mod sampler;
 
 use crate::field::Field;
 use crate::lanes::{Work, widely};
 use crate::pose::Pose;
 
+pub(crate) use points::Faces;
 pub use points::{Tool, row_spacing_m};
 use sampler::Sampler;
 
@@ -32,15 +35,15 @@ pub const LOOK_AHEAD_VOXELS: f64 = 1.0;
 /// Directions whose cosine is above this share the points that are felt.
 const NEARLY_PARALLEL: f64 = 0.98;
 
-/// Engaged areas of a tool at a pose for two unit directions, m². A zero direction engages nothing.
+/// Engaged areas of a tool's faces at a pose for two unit directions, m². A zero direction engages nothing.
 pub(crate) fn engaged_areas_m2(
     field: &Field,
-    tool: &Tool,
+    faces: &Faces,
     pose: Pose,
     directions: [[f64; 3]; 2],
 ) -> [f64; 2] {
-    let sampler = Sampler::new(field, tool, pose);
-    if sampler.is_in_air(tool) {
+    let sampler = Sampler::new(field, faces, pose);
+    if sampler.is_in_air(faces) {
         return [0.0; 2];
     }
     let [a, b] = directions;
@@ -50,7 +53,7 @@ pub(crate) fn engaged_areas_m2(
         let length = (2.0 + 2.0 * cosine).sqrt();
         return widely(FeelClose {
             sampler,
-            tool,
+            faces,
             ahead: sum.map(|d: f64| d / length),
             directions,
         });
@@ -61,7 +64,7 @@ pub(crate) fn engaged_areas_m2(
         }
         widely(Feel {
             sampler,
-            tool,
+            faces,
             ahead,
         })
     })
@@ -70,14 +73,14 @@ pub(crate) fn engaged_areas_m2(
 /// Clay about to be felt for in a direction.
 struct Feel<'a> {
     sampler: Sampler<'a>,
-    tool: &'a Tool,
+    faces: &'a Faces,
     ahead: [f64; 3],
 }
 
 /// Clay about to be felt for in the direction between two that are close to each other.
 struct FeelClose<'a> {
     sampler: Sampler<'a>,
-    tool: &'a Tool,
+    faces: &'a Faces,
     ahead: [f64; 3],
     directions: [[f64; 3]; 2],
 }
@@ -87,7 +90,7 @@ impl Work for Feel<'_> {
 
     #[inline(always)]
     fn run(self) -> f64 {
-        self.sampler.area_m2(self.tool, self.ahead)
+        self.sampler.area_m2(self.faces, self.ahead)
     }
 }
 
@@ -97,6 +100,6 @@ impl Work for FeelClose<'_> {
     #[inline(always)]
     fn run(self) -> [f64; 2] {
         self.sampler
-            .areas_close_m2(self.tool, self.ahead, self.directions)
+            .areas_close_m2(self.faces, self.ahead, self.directions)
     }
 }

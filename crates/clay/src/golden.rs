@@ -4,13 +4,19 @@ use crate::clay::Clay;
 use crate::engage::Tool;
 use crate::hash;
 use crate::law::{Coefficients, ContactState, Material, Motion};
+use crate::mesh_tool::MeshTool;
 use crate::pose::Pose;
 use crate::shape::{Shape, SteppedBlock};
 use crate::sweep::Sweep;
-use crate::tool::{Blade, BladeDimensions, ToolShape};
+use crate::tool::{Blade, BladeDimensions, Cylinder, ToolShape, WireLoop};
 
 /// What [`digest`] must return on every machine.
 pub const DIGEST: u64 = 0xd8360f13847396f8;
+/// What [`rods`] must return on every machine.
+pub const RODS: u64 = 0x3f93beac72aca6c4;
+
+/// What [`mesh`] must return on every machine.
+pub const MESH: u64 = 0x55a9f06b64eb9cb2;
 
 /// Cuts, feels and hashes by a fixed plan: strokes of a ball and of a blade, short and long, along the grid and across
 /// it, starting where the last one ended and out of nowhere, inside the clay and past it. The bits of every force and
@@ -20,6 +26,76 @@ pub const DIGEST: u64 = 0xd8360f13847396f8;
 /// Never: the plan's numbers are valid.
 #[must_use]
 pub fn digest() -> u64 {
+    let blade = BladeDimensions {
+        width_m: 0.007,
+        height_m: 0.019,
+        thickness_m: 0.0023,
+    };
+    digest_of([
+        ToolShape::ball(0.0061).expect("radius is in range"),
+        ToolShape::Blade(Blade::new(blade).expect("dimensions are in range")),
+    ])
+}
+
+/// The same by a cylinder and a loop.
+///
+/// # Panics
+/// Never: the plan's numbers are valid.
+#[must_use]
+pub fn rods() -> u64 {
+    digest_of([
+        ToolShape::Cylinder(Cylinder::new(0.0053, 0.017).expect("lengths are in range")),
+        ToolShape::Loop(WireLoop::new(0.0072, 0.0024).expect("lengths are in range")),
+    ])
+}
+
+/// The same of a mesh: what is baked of it, and a stroke.
+///
+/// # Panics
+/// Never: the mesh is closed.
+#[must_use]
+pub fn mesh() -> u64 {
+    // A wedge, its edge forward, standing on its position.
+    let vertices_m = [
+        [0.0071, 0.0, 0.0003],
+        [0.0071, 0.0, 0.0121],
+        [-0.0043, -0.0052, 0.0],
+        [-0.0043, -0.0052, 0.0117],
+        [-0.0043, 0.0061, 0.0],
+        [-0.0043, 0.0061, 0.0131],
+    ];
+    let triangles = [
+        [0, 4, 1],
+        [1, 4, 5],
+        [0, 1, 2],
+        [1, 3, 2],
+        [2, 3, 4],
+        [3, 5, 4],
+        [0, 2, 4],
+        [1, 5, 3],
+    ];
+    let tool = MeshTool::new(&vertices_m, &triangles).expect("it is closed");
+    let block = Shape::Block {
+        size_m: [0.048, 0.032, 0.024],
+    };
+    let mut clay = Clay::new(&block, 1e-3).expect("it fits");
+    let (material, mut contact) = (Material::default(), ContactState::default());
+    let mut digest = hash::fold(0, tool.digest());
+    for tick in 0..60 {
+        let at = |tick: i32| {
+            Pose::from_steps([9_000 * tick, 260_000 + 900 * tick, 210_000 - 700 * tick])
+        };
+        let velocity_m_s = [9.0, 0.9, -0.7].map(|k_steps| k_steps * 1e6 / 16_777_216.0);
+        let motion = Motion::new(at(tick), at(tick + 1), velocity_m_s).expect("the tool is slow");
+        let worked = clay.work_mesh(&tool, &material, &motion, &mut contact);
+        for force_n in worked.response.force_n {
+            digest = hash::fold(digest, force_n.to_bits());
+        }
+    }
+    hash::fold(digest, clay.hash())
+}
+
+fn digest_of(shapes: [ToolShape; 2]) -> u64 {
     let mut clay = Clay::new(&Shape::Stepped(SteppedBlock::paper()), 1e-3)
         .expect("the paper's block fits a grid of millimetres");
     let material = Material::new(Coefficients {
@@ -28,17 +104,7 @@ pub fn digest() -> u64 {
         stiffness_pa: 4e5,
     })
     .expect("coefficients are in range");
-    let blade = BladeDimensions {
-        width_m: 0.007,
-        height_m: 0.019,
-        thickness_m: 0.0023,
-    };
-    let tools = [
-        Tool::new(ToolShape::ball(0.0061).expect("radius is in range")),
-        Tool::new(ToolShape::Blade(
-            Blade::new(blade).expect("dimensions are in range"),
-        )),
-    ];
+    let tools = shapes.map(Tool::new);
     let mut plan = Plan(0x7465_6C65_636C_6179);
     let mut digest = hash::fold(0, clay.hash());
     for stroke in 0..24 {
@@ -92,5 +158,7 @@ mod tests {
     #[test]
     fn this_machine_gets_the_same_bits_as_every_other() {
         assert_eq!(digest(), DIGEST, "got {:#018x}", digest());
+        assert_eq!(rods(), RODS, "got {:#018x}", rods());
+        assert_eq!(mesh(), MESH, "got {:#018x}", mesh());
     }
 }

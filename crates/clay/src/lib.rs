@@ -20,6 +20,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod bake;
 mod carve;
 mod changes;
 mod clay;
@@ -31,6 +32,7 @@ mod grid;
 mod hash;
 mod lanes;
 mod law;
+mod mesh_tool;
 pub mod mirror;
 mod pose;
 mod shape;
@@ -39,6 +41,7 @@ pub mod surface;
 mod sweep;
 mod tool;
 
+pub use bake::{MAX_MESH_TRIANGLES, MeshToolError};
 pub use clay::{Clay, ReplaceError, UNITS_PER_VOXEL, Worked};
 pub use engage::{LOOK_AHEAD_VOXELS, Tool, row_spacing_m};
 pub use field::{BrickView, SOLID};
@@ -50,9 +53,12 @@ pub use law::{
     Coefficients, ContactState, MAX_COEFFICIENT, MAX_SPEED_M_S, Material, MaterialError, Motion,
     MotionError, RIGID_YIELD_SPEED_M_S, Regime, Response,
 };
+pub use mesh_tool::MeshTool;
 pub use mirror::Mirror;
 pub use pose::{Pose, PoseError, STEPS_PER_METRE};
 pub use shape::{MAX_STEPS, Shape, ShapeError, SteppedBlock, SteppedDimensions};
 pub use surface::{BrickMesh, Mesh};
 pub use sweep::Sweep;
-pub use tool::{Ball, Blade, BladeDimensions, MAX_TOOL_SIZE_M, ToolError, ToolShape};
+pub use tool::{
+    Ball, Blade, BladeDimensions, Cylinder, MAX_TOOL_SIZE_M, ToolError, ToolShape, WireLoop,
+};

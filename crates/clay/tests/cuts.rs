@@ -3,8 +3,8 @@
 
 use proptest::prelude::*;
 use teleclay_clay::{
-    Ball, Blade, BladeDimensions, BrickView, Clay, Pose, Shape, SteppedBlock, Sweep, ToolShape,
-    UNITS_PER_VOXEL,
+    Ball, Blade, BladeDimensions, BrickView, Clay, Cylinder, Pose, Shape, SteppedBlock, Sweep,
+    ToolShape, UNITS_PER_VOXEL, WireLoop,
 };
 
 const VOXEL_M: f64 = 1e-3;
@@ -32,6 +32,14 @@ fn tool() -> impl Strategy<Value = ToolShape> {
                 })
                 .unwrap(),
             )
+        }),
+        (1.0..12.0, 2.0..20.0).prop_map(|(radius, height)| {
+            let [radius_m, height_m] = [radius, height].map(|length| length * VOXEL_M);
+            ToolShape::Cylinder(Cylinder::new(radius_m, height_m).unwrap())
+        }),
+        (6.0..12.0, 2.0..6.0).prop_map(|(ring, wire)| {
+            let [ring_m, wire_m] = [ring, wire].map(|length| length * VOXEL_M);
+            ToolShape::Loop(WireLoop::new(ring_m, wire_m).unwrap())
         }),
     ]
 }
@@ -248,6 +256,41 @@ fn is_short(ball: &Ball, step_m: [f64; 3]) -> bool {
     squared * 127.5 / 8.0 <= 0.25 * (ball.radius_m() / VOXEL_M - 1.0)
 }
 
+/// Signed distance of a point outside a rod somewhere on its way, m: the least over the way, found by thirds, as the
+/// greater of two convex functions is convex. `axis` is the rod's, and the poses are of its middle.
+fn rod_distance_m(
+    [radius_m, half_m]: [f64; 2],
+    axis: usize,
+    from: [f64; 3],
+    step: [f64; 3],
+    point_m: [f64; 3],
+) -> f64 {
+    let outside = |share: f64| {
+        let off: [f64; 3] = std::array::from_fn(|at| point_m[at] - from[at] - share * step[at]);
+        let across = off[(axis + 1) % 3].hypot(off[(axis + 2) % 3]);
+        (across - radius_m).max(off[axis].abs() - half_m)
+    };
+    // Far outside, or well within halfway there, it does not matter by how much.
+    let reach_m = 0.5 * step.iter().map(|d| d * d).sum::<f64>().sqrt();
+    let halfway_m = outside(0.5);
+    if 2.0 * VOXEL_M < halfway_m - reach_m || halfway_m < -2.0 * VOXEL_M {
+        return halfway_m;
+    }
+    let (mut low, mut high) = (0.0, 1.0);
+    for _ in 0..44 {
+        let (a, b) = (low + (high - low) / 3.0, high - (high - low) / 3.0);
+        if outside(a) < outside(b) {
+            high = b;
+        } else {
+            low = a;
+        }
+    }
+    [0.0, 0.5 * (low + high), 1.0]
+        .map(outside)
+        .into_iter()
+        .fold(f64::INFINITY, f64::min)
+}
+
 /// Signed distance of a point outside a swept tool, m. Outside the edges of a blade it is the distance to the farthest
 /// plane.
 fn distance_m(shape: &ToolShape, from: Pose, to: Pose, point_m: [f64; 3]) -> f64 {
@@ -312,6 +355,16 @@ fn distance_m(shape: &ToolShape, from: Pose, to: Pose, point_m: [f64; 3]) -> f64
             };
             hull.min(alone(from)).min(alone(to))
         }
+        ToolShape::Cylinder(cylinder) => {
+            let half_m = 0.5 * cylinder.height_m();
+            let middle = [from[0], from[1], from[2] + half_m];
+            rod_distance_m([cylinder.radius_m(), half_m], 2, middle, step, point_m)
+        }
+        ToolShape::Loop(wire_loop) => {
+            let wire_m = 0.5 * wire_loop.wire_diameter_m();
+            let disc = [wire_loop.ring_radius_m() + wire_m, wire_m];
+            rod_distance_m(disc, 0, from, step, point_m)
+        }
     }
 }
 
@@ -359,7 +412,9 @@ fn far_huge_and_empty_sweeps_are_harmless() {
     let blade = ToolShape::paper_blade();
     let ball = ToolShape::ball(0.5).unwrap();
     let at = |position_m| Pose::quantise(position_m).unwrap();
-    for shape in [blade, ToolShape::ball(0.004).unwrap()] {
+    let cylinder = ToolShape::Cylinder(Cylinder::new(0.004, 0.02).unwrap());
+    let wire = ToolShape::Loop(WireLoop::new(0.008, 0.003).unwrap());
+    for shape in [blade, ToolShape::ball(0.004).unwrap(), cylinder, wire] {
         for (from, to) in [
             (at([127.0; 3]), at([127.5; 3])),
             (at([-127.0, 0.0, 0.0]), at([-127.0, 0.0, 0.0])),

@@ -25,6 +25,7 @@ pub mod state;
 pub mod strokes;
 
 mod bytes;
+mod settings;
 
 pub use bytes::Malformed;
 pub use ledger::Ledger;

@@ -22,9 +22,12 @@ use teleclay_link::safety::{Flaw, Implausible};
 use teleclay_session::{Event, EventKind, Exchange, Operator, Release, Settings, ToolCuts};
 
 use crate::bytes::{Malformed, Reader, put_number, put_signed, put_text};
+use crate::settings::{has_first_tools, put_settings, read_settings};
 
-/// The version that is written.
-pub const VERSION: u8 = 1;
+/// The newest version that is read. It is written where settings name a tool that version 1 does not know, and version
+/// 1 elsewhere: a program that knows only that says then that a later one wrote the record.
+pub const VERSION: u8 = 2;
+const OLDEST: u8 = 1;
 
 /// Names of quantities that can put a tool into fault, by the byte that stands for each. New ones come at the end.
 const FIELDS: [&str; 11] = [
@@ -116,7 +119,7 @@ pub enum Fact {
 
 /// Begins a record.
 pub(crate) fn put_head(out: &mut Vec<u8>, tick: u64) {
-    out.push(VERSION);
+    out.push(OLDEST);
     put_number(out, tick);
 }
 
@@ -132,7 +135,7 @@ pub(crate) fn put_begun(
         put_number(out, number.into());
     }
     put_given(out, given);
-    put_settings(out, settings);
+    put_settings_of_record(out, settings);
 }
 
 pub(crate) fn put_gone_on(out: &mut Vec<u8>, ownership_epoch: u32) {
@@ -197,7 +200,7 @@ fn put_told(out: &mut Vec<u8>, revision: u64, kind: &EventKind) {
     out.push(code);
     put_number(out, revision);
     match kind {
-        EventKind::Changed { settings } => put_settings(out, settings),
+        EventKind::Changed { settings } => put_settings_of_record(out, settings),
         EventKind::FreshBlock {
             settings,
             clay_epoch,
@@ -205,7 +208,7 @@ fn put_told(out: &mut Vec<u8>, revision: u64, kind: &EventKind) {
         } => {
             put_number(out, (*clay_epoch).into());
             put_given(out, *given);
-            put_settings(out, settings);
+            put_settings_of_record(out, settings);
         }
         EventKind::Exchanged {
             clay_epoch,
@@ -289,14 +292,12 @@ fn put_given(out: &mut Vec<u8>, given: Option<u64>) {
     }
 }
 
-/// As JSON, behind its length in four bytes: so it is written in one go.
-pub(crate) fn put_settings(out: &mut Vec<u8>, settings: &Settings) {
-    let start = out.len();
-    out.extend_from_slice(&[0; 4]);
-    let written = serde_json::to_writer(&mut *out, settings);
-    debug_assert!(written.is_ok(), "settings are plain data: {written:?}");
-    let length = (out.len() - start - 4) as u32;
-    out[start..start + 4].copy_from_slice(&length.to_le_bytes());
+/// Settings in a record, which begins where `out` does.
+fn put_settings_of_record(out: &mut Vec<u8>, settings: &Settings) {
+    if !has_first_tools(settings) {
+        out[0] = VERSION;
+    }
+    put_settings(out, settings);
 }
 
 impl Record {
@@ -574,19 +575,4 @@ fn read_given(reader: &mut Reader<'_>) -> Result<Option<u64>, Malformed> {
         }
         got => Err(value("whether a block was given", got)),
     }
-}
-
-/// Settings that are proven once more: bytes prove nothing.
-pub(crate) fn read_settings(reader: &mut Reader<'_>) -> Result<Arc<Settings>, Malformed> {
-    let length = reader.slice(4, "settings")?;
-    let length = u32::from_le_bytes(std::array::from_fn(|at| length[at]));
-    let text = reader.slice(length as usize, "settings")?;
-    let wrong = |why: String| Malformed::Text {
-        what: "settings",
-        why,
-    };
-    let settings: Settings =
-        serde_json::from_slice(text).map_err(|error| wrong(error.to_string()))?;
-    Settings::new(settings.spec.clone()).map_err(|error| wrong(error.detail))?;
-    Ok(Arc::new(settings))
 }

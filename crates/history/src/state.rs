@@ -1,7 +1,8 @@
 //! The state of a session after a record, and its bytes: a snapshot.
 //!
-//! Version 2 says besides whether the session is stopped, and for whom a tool is kept. What version 1 has written is
-//! read.
+//! Version 2 says besides whether the session is stopped, and for whom a tool is kept. Version 3 is the same, written
+//! where settings name a tool that version 2 does not know, so that a program of that version says what is the matter.
+//! What version 1 and 2 have written is read.
 
 use teleclay_clay::Clay;
 use teleclay_session::{
@@ -10,10 +11,11 @@ use teleclay_session::{
 
 use crate::bytes::{Malformed, Reader, put_number, put_text};
 use crate::content;
-use crate::record::{put_fault, put_holder, put_settings, read_fault, read_holder, read_settings};
+use crate::record::{put_fault, put_holder, read_fault, read_holder};
+use crate::settings::{has_first_tools, put_settings, read_settings};
 use crate::strokes::Strokes;
 
-const VERSION: u8 = 2;
+const VERSION: u8 = 3;
 /// From this version on a snapshot says whether the session is stopped.
 const WITH_STOP: u8 = 2;
 
@@ -158,7 +160,11 @@ struct Numbers {
 }
 
 fn put_numbers(out: &mut Vec<u8>, numbers: &Numbers, settings: &Settings) {
-    out.push(VERSION);
+    out.push(if has_first_tools(settings) {
+        WITH_STOP
+    } else {
+        VERSION
+    });
     let [clay_epoch, ownership_epoch, next_lease, tools] = numbers.small.map(u64::from);
     for number in [
         numbers.tick,

@@ -12,6 +12,8 @@ use teleclay_history::{Fact, Record, Recorder, Replay, State, content};
 use teleclay_link::replica::Cut;
 use teleclay_link::safety::{Flaw, Implausible};
 use teleclay_link::time::Timestamp;
+use teleclay_proto::ToolDescription;
+use teleclay_proto::http::NewSession;
 use teleclay_session::{
     EventKind, Exchange, Operator, Release, Rules, Session, Settings, StopSnapshot, ToolSnapshot,
 };
@@ -31,6 +33,12 @@ fn settings() -> impl Strategy<Value = Arc<Settings>> {
             settings.revision = revision;
             settings.is_paused = is_paused;
             settings.spec.deadband = deadband;
+            if tools % 2 == 0 {
+                settings.spec.tool = ToolDescription::Loop {
+                    ring_radius_m: 0.004 + 0.01 * deadband,
+                    wire_diameter_m: 0.002,
+                };
+            }
             Arc::new(settings)
         },
     )
@@ -222,6 +230,44 @@ fn a_stop_whose_releases_were_not_kept_leaves_nobody_with_a_tool_and_nothing_dec
     );
 }
 
+/// A program that knows ball and blade alone says of a session with another tool that a later one wrote it; what it can
+/// read is written as it writes it.
+#[test]
+fn only_what_names_a_later_tool_has_a_later_version() {
+    let ball = ToolDescription::Ball { radius_m: 0.004 };
+    let cylinder = ToolDescription::Cylinder {
+        radius_m: 0.004,
+        height_m: 0.02,
+    };
+    let wire = ToolDescription::Loop {
+        ring_radius_m: 0.006,
+        wire_diameter_m: 0.002,
+    };
+    let versions = [
+        (ball, 1, 2),
+        (ToolDescription::default(), 1, 2),
+        (cylinder, 2, 3),
+        (wire, 2, 3),
+    ];
+    for (tool, of_record, of_snapshot) in versions {
+        let session = Session::new(setup(NewSession {
+            tool,
+            ..new_session(1)
+        }));
+        let mut recorder = Recorder::new(1);
+        let first = recorder.begin(&session, None).to_vec();
+        assert_eq!(first[0], of_record, "{tool:?}");
+        assert_eq!(Record::decode(&first).unwrap().encode(), first);
+        let mut state = Replay::begin(&first, Vec::new()).unwrap().state();
+        assert_eq!(state.session.settings.spec.tool, tool);
+        let bytes = state.encode();
+        assert_eq!(bytes[0], of_snapshot, "{tool:?}");
+        assert_eq!(State::decode(&bytes).unwrap().encode(), bytes);
+        // Records that name no settings are what they were.
+        assert_eq!(recorder.go_on(&session)[0], 1);
+    }
+}
+
 #[test]
 fn a_damaged_snapshot_is_refused_or_is_another_state_and_never_panics() {
     let session = Session::new(setup(new_session(2)));
@@ -251,10 +297,10 @@ fn a_damaged_snapshot_is_refused_or_is_another_state_and_never_panics() {
         }
         assert!(State::decode(&bytes[..at]).is_err());
     }
-    let newer = [&[3_u8][..], &bytes[1..]].concat();
+    let newer = [&[4_u8][..], &bytes[1..]].concat();
     let refusal = State::decode(&newer).unwrap_err().to_string();
     assert_eq!(
         refusal,
-        "version 3 is newer than 2, the newest that this program reads"
+        "version 4 is newer than 3, the newest that this program reads"
     );
 }

@@ -12,6 +12,7 @@
 //! | [`freshness`] | which frames are news, and which have waited in a queue |
 //! | [`energy`] | tanks, cumulative counters, and an observer of a channel from outside |
 //! | [`motion_limiter`] | where a tool may go in a tick |
+//! | [`phase`] | when a tick is due, so that what it works on has waited little for it |
 //! | [`playout`] | from varying delay to a constant one |
 //! | [`replica`] | cuts that arrive in any order, and corrections bounded by energy |
 //! | [`round_trip`] | round trip and clock offset from echoed stamps |
@@ -24,6 +25,7 @@ pub mod deadband;
 pub mod energy;
 pub mod freshness;
 pub mod motion_limiter;
+pub mod phase;
 pub mod playout;
 pub mod replica;
 pub mod round_trip;

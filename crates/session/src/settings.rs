@@ -193,13 +193,11 @@ fn proven_tool(raw: &ToolDescription) -> Result<ToolShape, FieldError> {
 }
 
 /// Where the handle's home maps to, and how far the tool may go: over the middle of a block with the tool just touching
-/// it; before the first step of a stepped block with the blade's leading face at x = 0.
+/// it; before the first step of a stepped block with the tool's leading face at x = 0.
 fn parameters(spec: &NewSession) -> LoopParameters {
     let size = spec.clay.shape.size_m();
-    let (lowest_m, half_depth_m) = match spec.tool {
-        ToolDescription::Ball { radius_m } => (radius_m, radius_m),
-        ToolDescription::Blade { thickness_m, .. } => (0.0, thickness_m / 2.0),
-    };
+    let lowest_m = spec.tool.below_position_m();
+    let [half_depth_m, _] = spec.tool.beside_position_m();
     let home_m = match &spec.clay.shape {
         ClayShape::Block { .. } => [size[0] / 2.0, size[1] / 2.0, size[2] + lowest_m],
         ClayShape::Stepped { base_m, .. } => [-half_depth_m, size[1] / 2.0, base_m + lowest_m],

@@ -60,14 +60,8 @@ pub(super) fn stick_room_m(setup: &DeviceSetup) -> [f64; 3] {
 
 /// How far the tool reaches from its position: to either side along x and y, and down.
 fn half_extent_m(tool: &ToolDescription) -> [f64; 3] {
-    match *tool {
-        ToolDescription::Ball { radius_m } => [radius_m; 3],
-        ToolDescription::Blade {
-            width_m,
-            thickness_m,
-            ..
-        } => [thickness_m / 2.0, width_m / 2.0, 0.0],
-    }
+    let [x_m, y_m] = tool.beside_position_m();
+    [x_m, y_m, tool.below_position_m()]
 }
 
 #[cfg(test)]

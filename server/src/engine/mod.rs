@@ -6,10 +6,12 @@
 //! Zenoh. What does not fit into a ring is counted, not waited for; bricks that do not fit stay marked in the clay and
 //! go later, and events wait in their session.
 //!
-//! A session moves from one thread to another between two of its ticks, with its ends of its rings. Deadlines have the
-//! same numbers on all threads, and each session knows that of its next tick: a thread makes no tick of a session that
-//! it has had elsewhere, and makes up for one that neither has made. A session at rest has no ticks made at all: now
-//! and then they are counted, and before an order is carried out in it. A thread whose sessions are all at rest sleeps.
+//! A session moves from one thread to another between two of its ticks, with its ends of its rings. Each thread follows
+//! the frames of its own sessions with its deadlines, so a session takes along when its next tick is due, and that is
+//! then at the deadline of its new thread which is nearest: half a tick sooner or later at most. A thread makes no tick
+//! of a session that it has had elsewhere, and makes up for one that neither has made. A session at rest has no ticks
+//! made at all: now and then they are counted, and before an order is carried out in it. A thread whose sessions are
+//! all at rest sleeps.
 
 mod record;
 mod running;
@@ -23,6 +25,7 @@ use std::time::Duration;
 use rtrb::{Consumer, Producer, RingBuffer};
 use teleclay_bilateral::ToolSide;
 use teleclay_clay::Clay;
+use teleclay_link::phase::PhaseLock;
 use teleclay_link::time::Timestamp;
 use teleclay_proto::frame::{HandleFrame, ToolFrame};
 use teleclay_proto::http::{ClayShape, MAX_TOOLS};
@@ -35,7 +38,7 @@ use tokio::sync::oneshot;
 pub(crate) use record::{BrickContent, BrickUpdate, RECORD_EVERY, SessionRecord, ToolRecord};
 pub(crate) use running::{Running, Told};
 
-use running::{REST_TICKS, ThreadTick};
+use running::{REST_TICKS, ThreadTick, Ways};
 
 /// Time between ticks.
 pub(crate) const TICK: Duration = Duration::from_millis(1);
@@ -180,6 +183,8 @@ pub(crate) struct Engine {
     at: ThreadTick,
     /// Whether nothing is to be done in any tick until an order comes.
     is_at_rest: bool,
+    /// Has ticks begin shortly after frames come.
+    phase: PhaseLock,
 }
 
 /// The way from one thread to another.
@@ -213,6 +218,7 @@ impl Engine {
                     ways: Vec::with_capacity(count),
                     at: ThreadTick::of(thread),
                     is_at_rest: false,
+                    phase: PhaseLock::new(TICK.as_nanos() as u64, MAX_SESSIONS * TOOLS),
                 };
                 Threaded {
                     engine,
@@ -306,6 +312,7 @@ impl Engine {
             match way {
                 Some(way) if 0 < way.ring.slots() => {
                     running.leaving = None;
+                    running.leaves_at(self.at);
                     // There is room, and nobody else fills this ring.
                     let _ = way.ring.push(self.running.swap_remove(index));
                     way.waker.wake();
@@ -327,6 +334,7 @@ impl Machine for Engine {
         self.at = ThreadTick {
             thread: self.thread,
             number: tick.number,
+            deadline_ns: tick.deadline_ns,
             now,
             is_late: TICK < tick.lateness,
             has_rested: 0 < tick.rested,
@@ -335,7 +343,7 @@ impl Machine for Engine {
             while self.running.len() < MAX_SESSIONS
                 && let Ok(mut running) = arriving.pop()
             {
-                running.is_new = true;
+                running.arrives_at(self.at);
                 self.running.push(running);
             }
         }
@@ -355,7 +363,12 @@ impl Machine for Engine {
         let (mut leaves, mut overflowed) = (false, 0);
         self.is_at_rest = true;
         for running in &mut self.running {
-            let stepped = running.tick(self.at, &mut self.outgoing, out);
+            let ways = Ways {
+                outgoing: &mut self.outgoing,
+                phase: &mut self.phase,
+                out,
+            };
+            let stepped = running.tick(self.at, ways);
             self.is_at_rest &= stepped.is_at_rest;
             leaves |= stepped.leaves;
             overflowed += stepped.overflowed;
@@ -371,6 +384,10 @@ impl Machine for Engine {
     fn after_tick(&mut self, timing: Timing, out: &mut Out<Self>) {
         // One that finds no room is counted by the ring.
         let _ = out.record(timing);
+    }
+
+    fn shift_ns(&mut self) -> i64 {
+        self.phase.shift_ns()
     }
 
     fn may_rest(&self) -> u32 {

@@ -3,6 +3,7 @@
 use rtrb::{Consumer, Producer, RingBuffer};
 use teleclay_keeping::Keeper;
 use teleclay_keeping::keeper::Outbox;
+use teleclay_link::phase::PhaseLock;
 use teleclay_link::time::Timestamp;
 use teleclay_recording::Tap;
 use teleclay_session::{Event, Session};
@@ -12,8 +13,9 @@ use teleclay_shell::ticker::{MOST_BEHIND, thread_time_ns};
 use super::record::{
     BRICKS_EVERY, BrickUpdate, RECORD_EVERY, SessionRecord, hand_over_bricks, record,
 };
-use super::{Done, Engine, Incoming, Outgoing};
+use super::{Done, Engine, Incoming, Outgoing, TICK, TOOLS};
 
+const TICK_NS: u64 = TICK.as_nanos() as u64;
 /// Frames that may wait for the tick from one session's handles: a quarter of a second of one of them.
 const FRAMES_WAITING: usize = 256;
 /// Bricks that may wait for the collector of one session.
@@ -37,8 +39,10 @@ pub(crate) struct Running {
     pub(super) keeper: Option<Keeper>,
     /// Records it, while somebody wants that.
     pub(super) tap: Option<Box<Tap>>,
-    /// The deadline of its next tick.
+    /// Number of its next tick's deadline on its thread.
     pub(super) due: u64,
+    /// When that is, ns, while it is between two threads.
+    due_ns: u64,
     /// The thread that it goes to once this tick is over.
     pub(super) leaving: Option<usize>,
     /// It has just come to this thread, and nobody was told yet.
@@ -76,11 +80,21 @@ pub(super) struct ThreadTick {
     pub(super) thread: usize,
     /// Number of its deadline.
     pub(super) number: u64,
+    /// When that was, ns.
+    pub(super) deadline_ns: u64,
     pub(super) now: Timestamp,
     /// It started more than a whole tick late.
     pub(super) is_late: bool,
     /// The thread has slept through deadlines just before.
     pub(super) has_rested: bool,
+}
+
+/// Where a tick of a session leaves what goes elsewhere.
+pub(super) struct Ways<'a> {
+    pub(super) outgoing: &'a mut Producer<Outgoing>,
+    /// Hears how long frames have waited.
+    pub(super) phase: &'a mut PhaseLock,
+    pub(super) out: &'a mut Out<Engine>,
 }
 
 /// What a tick of a session has come to.
@@ -110,6 +124,7 @@ impl Running {
             keeper,
             tap: None,
             due: 0,
+            due_ns: 0,
             leaving: None,
             is_new: true,
             events: Outbox::default(),
@@ -150,6 +165,21 @@ impl Running {
         }
     }
 
+    /// It goes to another thread, whose deadlines are others.
+    pub(super) fn leaves_at(&mut self, at: ThreadTick) {
+        let until_due_ns = self.due.saturating_sub(at.number) * TICK_NS;
+        self.due_ns = at.deadline_ns + until_due_ns;
+    }
+
+    /// It comes from another thread. Its next tick is at the deadline here that is nearest to when it would have been
+    /// there.
+    pub(super) fn arrives_at(&mut self, at: ThreadTick) {
+        let away_ns = self.due_ns as i64 - at.deadline_ns as i64;
+        let away_ticks = (2 * away_ns + TICK_NS as i64).div_euclid(2 * TICK_NS as i64);
+        self.due = at.number.saturating_add_signed(away_ticks);
+        self.is_new = true;
+    }
+
     pub(super) fn end_recording(&mut self) {
         if let Some(tap) = &mut self.tap {
             tap.end(&mut self.session);
@@ -158,20 +188,15 @@ impl Running {
 
     /// The ticks that are due. One, as a rule: a session that comes from a thread that is ahead has none yet, and one
     /// that comes from a thread that was late makes up for those that it has missed.
-    pub(super) fn tick(
-        &mut self,
-        at: ThreadTick,
-        outgoing: &mut Producer<Outgoing>,
-        out: &mut Out<Engine>,
-    ) -> Stepped {
+    pub(super) fn tick(&mut self, at: ThreadTick, mut ways: Ways<'_>) -> Stepped {
         let owed = (at.number + 1).saturating_sub(self.due);
         if self.is_at_rest() {
             let is_told = self.is_new || at.has_rested || REST_TICKS <= owed;
             let mut stepped = Stepped::default();
             if is_told && 0 < owed {
-                self.take_frames(at.now);
+                self.take_frames(at.now, ways.phase);
                 self.session.rest(at.now, owed);
-                stepped.overflowed = self.tell(at, outgoing, out).overflowed;
+                stepped.overflowed = self.tell(at, &mut ways).overflowed;
                 stepped.overflowed += self.push_record(at);
                 self.due += owed;
             }
@@ -192,14 +217,14 @@ impl Running {
             .filter(|_| owed == 1);
         for _ in 0..owed {
             self.late_ticks += u64::from(at.is_late);
-            self.take_frames(at.now);
+            self.take_frames(at.now, ways.phase);
             match &mut self.tap {
                 Some(tap) => self.session.tick_heard(at.now, |slot, arrived, frame| {
                     tap.on_frame(slot, arrived, frame);
                 }),
                 None => self.session.tick(at.now),
             }
-            let told = self.tell(at, outgoing, out);
+            let told = self.tell(at, &mut ways);
             stepped.leaves |= told.leaves;
             stepped.overflowed += told.overflowed;
             // Sessions take turns, so that no tick has the records or bricks of all of them.
@@ -220,21 +245,24 @@ impl Running {
         stepped
     }
 
-    fn take_frames(&mut self, now: Timestamp) {
+    fn take_frames(&mut self, now: Timestamp, phase: &mut PhaseLock) {
+        let mut newest = [None; TOOLS];
         while let Ok(incoming) = self.frames.pop() {
             let arrived = Timestamp::from_nanos(incoming.arrived_ns).min(now);
             self.session
                 .handle_frame(arrived, incoming.slot, &incoming.frame);
+            newest[incoming.slot] = Some(now.as_nanos() - arrived.as_nanos());
+        }
+        for (slot, waited_ns) in newest.into_iter().enumerate() {
+            if let Some(waited_ns) = waited_ns {
+                phase.on_frame(phase_key(self.number, slot), waited_ns);
+            }
         }
     }
 
     /// Hands over what a tick has brought.
-    fn tell(
-        &mut self,
-        at: ThreadTick,
-        outgoing: &mut Producer<Outgoing>,
-        out: &mut Out<Engine>,
-    ) -> Stepped {
+    fn tell(&mut self, at: ThreadTick, ways: &mut Ways<'_>) -> Stepped {
+        let Ways { outgoing, out, .. } = ways;
         let (mut leaves, mut overflowed) = (false, 0);
         let session = &mut self.session;
         while let Some((slot, frame)) = session.poll_transmit() {
@@ -293,12 +321,18 @@ impl Running {
     }
 }
 
+/// What the phase lock knows a tool by.
+fn phase_key(session: u32, slot: usize) -> u64 {
+    u64::from(session) << 8 | slot as u64
+}
+
 impl ThreadTick {
     /// Before the first.
     pub(super) fn of(thread: usize) -> Self {
         Self {
             thread,
             number: 0,
+            deadline_ns: 0,
             now: Timestamp::ZERO,
             is_late: false,
             has_rested: false,

@@ -162,12 +162,19 @@ impl Bench {
 
     /// One thread's tick at a deadline.
     fn tick(&mut self, thread: usize, number: u64, rested: u64) -> Next {
+        self.tick_due(thread, number, number * 1_000_000, rested)
+    }
+
+    /// One whose deadline is not the number's own.
+    fn tick_due(&mut self, thread: usize, number: u64, deadline_ns: u64, rested: u64) -> Next {
         let tick = Tick {
             number,
+            deadline_ns,
             rested,
             ..Tick::default()
         };
-        let next = self.loops[thread].tick_at(at(number), tick);
+        let now = Timestamp::from_nanos(deadline_ns);
+        let next = self.loops[thread].tick_at(now, tick);
         while let Ok(done) = self.ends[thread].done.pop() {
             let Done::Order(order) = done else { continue };
             if let (Task::Command { session, .. }, Answer::Command(Ok(outcome))) =
@@ -245,8 +252,14 @@ fn run(
         if deadline == 10 {
             (1..=3).for_each(|number| bench.join(number));
         }
-        for &(_, number, to) in moves.iter().filter(|(when, ..)| *when == deadline) {
-            bench.move_to(number, to % threads);
+        for number in 1..=3 {
+            // Whoever moves a session waits until it has come before it moves it again.
+            let mut own = moves
+                .iter()
+                .filter(|(when, whose, _)| (*when, *whose) == (deadline, number));
+            if let Some(&(_, _, to)) = own.next() {
+                bench.move_to(number, to % threads);
+            }
         }
         bench.send(deadline);
         for thread in 0..threads {
@@ -345,6 +358,54 @@ proptest! {
     }
 }
 
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(48))]
+
+    /// Threads follow the frames of their own sessions, so their deadlines lie apart, and drift: a session that moves
+    /// has its next tick at most half a tick sooner or later, and every other one in its time.
+    #[test]
+    fn threads_with_deadlines_of_their_own_lose_no_tick(
+        moves in prop::collection::vec((10..300_u64, 0..3_usize), 0..60),
+        apart_ns in prop::collection::vec(0..1_000_000_u64, 3),
+        drift_ns in prop::collection::vec(-500..=500_i64, 3),
+    ) {
+        let mut bench = Bench::new(3);
+        bench.add(1, 0);
+        // Whose deadline is next, and when.
+        let mut deadlines: Vec<u64> = apart_ns.iter().map(|apart_ns| 1_000_000 + apart_ns).collect();
+        let mut numbers = [0_u64, 70, 1_000_000];
+        let mut ticked_ns = Vec::new();
+        for _ in 0..3 * 300 {
+            let thread = (0..3).min_by_key(|&thread| deadlines[thread]).unwrap();
+            let deadline_ns = deadlines[thread];
+            if (thread, numbers[0]) == (0, 2) {
+                bench.join(1);
+            }
+            for &(_, to) in moves.iter().filter(|(when, _)| *when == numbers[0]) {
+                let kept = &bench.sessions[&1];
+                if thread == 0 && kept.record.thread == kept.thread {
+                    bench.move_to(1, to);
+                }
+            }
+            bench.tick_due(thread, numbers[thread], deadline_ns, 0);
+            // A frame leaves in each tick of a session that somebody holds.
+            ticked_ns.resize(bench.sessions[&1].frames.len(), deadline_ns);
+            numbers[thread] += 1;
+            deadlines[thread] = deadline_ns + 1_000_000_u64.saturating_add_signed(drift_ns[thread]);
+        }
+        let gaps: Vec<u64> = ticked_ns.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        prop_assert!(280 < gaps.len());
+        for (tick, gap_ns) in gaps.iter().enumerate() {
+            prop_assert!(
+                (499_000..=1_501_000).contains(gap_ns),
+                "{} us after tick {}", gap_ns / 1000, tick
+            );
+        }
+        let moved = gaps.iter().filter(|gap_ns| 1_000 < gap_ns.abs_diff(1_000_000));
+        prop_assert!(moved.count() <= moves.len());
+    }
+}
+
 /// A thread with nothing to do asks to sleep, and an order finds the session at the tick at which it would have been:
 /// what the journal is told has the same number as without any rest.
 #[test]
@@ -392,7 +453,7 @@ fn a_session_at_rest_costs_no_tick_beside_one_that_works() {
     let records = bench.sessions[&2].records;
     for number in 1001..=2000 {
         bench.send(number);
-        assert_eq!(bench.tick(0, number, 0), Next::Continue);
+        assert!(!matches!(bench.tick(0, number, 0), Next::Rest(_)));
     }
     assert_eq!(bench.sessions[&2].records - records, 20);
     assert_eq!(bench.ticks_of(1), 2000);

@@ -2,28 +2,29 @@
 //! its own puts what the tick leaves: a put may block for longer than a tick even when it may drop.
 
 use std::collections::HashMap;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex};
 use std::thread::{JoinHandle, Thread};
 use std::time::Duration;
 
 use teleclay_channel::{Purpose, TRAILER};
 use teleclay_proto::RealmName;
 use teleclay_proto::frame::{HandleFrame, MAX_FRAME};
-use teleclay_proto::keys::{self, Key, Leaf, SessionKeys};
+use teleclay_proto::keys::SessionKeys;
 use teleclay_shell::Clock;
 use teleclay_shell::network::CONTROL_QOS;
 use tokio::sync::watch;
 use zenoh::Session;
 use zenoh::Wait;
+use zenoh::pubsub::Subscriber;
 
 use super::sessions::Sessions;
 use crate::directory::{Directory, Live};
 use crate::doors::{LeaseChannel, Way};
 use crate::engine::{FramesIn, Incoming, Leaving, Outgoing, TOOLS};
 
-/// The sender looks into its ring at least this often, should a wake-up get lost.
-const SENDER_NAP: Duration = Duration::from_millis(5);
+/// The sender looks at least this often whether other sessions of Zenoh have taken the place of its own.
+const SENDER_NAP: Duration = Duration::from_millis(100);
 
 /// The thread that puts frames, before it knows of Zenoh: the tick needs its handle to wake it.
 pub(crate) struct Sender {
@@ -168,48 +169,85 @@ fn send_until(stop: &AtomicBool, sending: Sending) {
     }
 }
 
-/// The way of a key's frames: from whose holder, into which ring.
-#[derive(Clone)]
-struct Route {
+/// Hears the frames of each session's tools, on their own keys as long as the session is there.
+///
+/// A subscriber for all of them at once would cost more: Zenoh finds the route of a key that was declared, and whether
+/// access control lets it through, once; of a key that only a wildcard matches, anew for each message.
+pub(super) async fn hear_sessions(
+    session: Session,
+    realm: RealmName,
+    directory: Directory,
+    clock: Clock,
+) {
+    let mut heard: HashMap<u32, Vec<Subscriber<()>>> = HashMap::new();
+    let mut changes = directory.changes();
+    loop {
+        let lives = directory.lives();
+        // A subscriber that is dropped is undeclared.
+        heard.retain(|number, _| lives.iter().any(|live| live.number() == *number));
+        for live in lives {
+            if heard.contains_key(&live.number()) {
+                continue;
+            }
+            let Some(ring) = directory.frames(live.id()) else {
+                continue;
+            };
+            let mut subscribers = Vec::with_capacity(TOOLS);
+            for slot in 0..TOOLS {
+                let way = InWay {
+                    live: live.clone(),
+                    ring: Arc::clone(&ring),
+                    slot,
+                };
+                match hear(&session, &realm, way, clock).await {
+                    Ok(subscriber) => subscribers.push(subscriber),
+                    Err(error) => tracing::error!(%error, "a tool's frames cannot be heard"),
+                }
+            }
+            heard.insert(live.number(), subscribers);
+        }
+        // The directory lives as long as this task does.
+        if changes.changed().await.is_err() || session.is_closed() {
+            return;
+        }
+    }
+}
+
+/// The way of a tool's frames: from its holder, into its session's ring.
+struct InWay {
     live: Live,
     ring: FramesIn,
     slot: usize,
 }
 
-impl Route {
-    /// Whether its session is gone.
-    fn is_over(&self) -> bool {
-        self.ring.lock().expect("no holder panics").is_abandoned()
-    }
-}
-
-pub(super) async fn receive_frames(
+async fn hear(
     session: &Session,
     realm: &RealmName,
-    directory: Directory,
+    way: InWay,
     clock: Clock,
-) -> Result<(), zenoh::Error> {
-    let routes: Mutex<HashMap<String, Route>> = Mutex::new(HashMap::new());
+) -> Result<Subscriber<()>, zenoh::Error> {
+    let tool = crate::session::tool_id(way.slot);
+    let key = SessionKeys::new(realm.clone(), way.live.id().clone()).tool_up(tool);
+    let own = key.clone();
     let callback = move |sample: zenoh::sample::Sample| {
         let arrived_ns = clock.now_ns();
+        // What is put on a wildcard comes here, too: nobody may make one message many.
+        if sample.key_expr().as_str() == own {
+            way.take(arrived_ns, &sample);
+        }
+    };
+    session.declare_subscriber(key).callback(callback).await
+}
+
+impl InWay {
+    fn take(&self, arrived_ns: u64, sample: &zenoh::sample::Sample) {
+        let Self { live, ring, slot } = self;
         if MAX_FRAME + TRAILER < sample.payload().len() {
             return;
         }
-        let key = sample.key_expr().as_str();
-        let mut routes = routes.lock().expect("no holder panics");
-        if routes.get(key).is_none_or(Route::is_over) {
-            // Keys of sessions that are gone take no room for ever.
-            routes.retain(|_, route| !route.is_over());
-            let Some(route) = route(key, &directory) else {
-                return;
-            };
-            routes.insert(key.to_owned(), route);
-        }
-        let Route { live, ring, slot } = routes[key].clone();
-        drop(routes);
         let payload = sample.payload().to_bytes();
         // Whoever does not hold the tool is not heard; nor is what comes again.
-        let opened = live.channels().at(slot).and_then(|holder| {
+        let opened = live.channels().at(*slot).and_then(|holder| {
             let frame = holder.channel.open(Purpose::Frame, &payload).ok()?;
             Some(HandleFrame::decode(frame))
         });
@@ -220,33 +258,9 @@ pub(super) async fn receive_frames(
         // A full ring means that the tick has stalled for a quarter of a second: what is newest is then as old as the
         // rest.
         let _ = ring.lock().expect("no holder panics").push(Incoming {
-            slot,
+            slot: *slot,
             arrived_ns,
             frame,
         });
-    };
-    session
-        .declare_subscriber(keys::every_tool_up_in(realm))
-        .callback(callback)
-        .background()
-        .await
-}
-
-fn route(key: &str, directory: &Directory) -> Option<Route> {
-    let Ok(Key {
-        session: keys,
-        leaf: Leaf::ToolUp(tool),
-    }) = key.parse()
-    else {
-        return None;
-    };
-    let slot = usize::try_from(tool).ok()?.checked_sub(1)?;
-    if TOOLS <= slot {
-        return None;
     }
-    Some(Route {
-        live: directory.session(keys.session())?,
-        ring: directory.frames(keys.session())?,
-        slot,
-    })
 }

@@ -12,7 +12,7 @@ use teleclay_shell::network::{Endpoints, NetworkError, Permissions, Rule, open};
 use tokio::sync::watch;
 use tokio::time::{interval, sleep, timeout};
 
-use super::frames::receive_frames;
+use super::frames::hear_sessions;
 use super::publish::{publish_bricks, publish_state, show_sessions};
 use super::queries::{Line, answer_queries};
 use super::sessions::Sessions;
@@ -75,7 +75,13 @@ impl Place {
             realm, directory, ..
         } = self;
         let Sessions { control, slow } = sessions;
-        receive_frames(control, realm, directory.clone(), self.clock).await?;
+        let frames = hear_sessions(
+            control.clone(),
+            realm.clone(),
+            directory.clone(),
+            self.clock,
+        );
+        tokio::spawn(frames);
         for (session, line) in [(control, Line::Control), (slow, Line::Slow)] {
             answer_queries(session, realm, directory.clone(), line).await?;
         }

@@ -18,8 +18,10 @@ use teleclay_sim::rig::{Rig, Setup};
 pub type Digest = (&'static str, fn() -> u64);
 
 /// Every digest.
-pub const DIGESTS: [Digest; 12] = [
+pub const DIGESTS: [Digest; 14] = [
     ("clay", teleclay_clay::golden::digest),
+    ("clay_rods", teleclay_clay::golden::rods),
+    ("clay_mesh", teleclay_clay::golden::mesh),
     ("surface", surface),
     ("loop_force_exchange", || run(Scheme::ForceExchange)),
     ("loop_position_force", || run(Scheme::PositionForce)),

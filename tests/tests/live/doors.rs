@@ -6,9 +6,11 @@ use std::time::{Duration, Instant};
 
 use serde_json::json;
 use teleclay_proto::Scheme;
+use teleclay_proto::keys::every_tool_up_in;
 use teleclay_tests::process::PATIENCE;
 use teleclay_tests::recording::greatest_force_step_n;
 use teleclay_tests::stage::{DEMO, Handle, HandleOptions, Server, TOKEN};
+use zenoh::qos::CongestionControl;
 use zenoh::sample::SampleKind;
 use zenoh::{Session, Wait};
 
@@ -315,4 +317,44 @@ async fn where_a_token_is_needed_state_and_clay_are_not_published() {
             assert_eq!(!seen.lock().unwrap().is_empty(), is_public);
         }
     }
+}
+
+/// The server listens on the key of each tool. What is put on a wildcard matches all of them; taken as it comes, one
+/// message would cost as much as one for every tool of every session.
+#[tokio::test(flavor = "multi_thread")]
+async fn a_message_on_a_wildcard_is_for_no_tool() {
+    const MESSAGES: u64 = 100;
+    let server = Server::with_token().unwrap();
+    let stranger = connected_to(&server.endpoint()).await;
+    let put = async |key: String| {
+        stranger
+            .put(key, vec![1_u8; 100])
+            .congestion_control(CongestionControl::Block)
+            .await
+            .unwrap();
+    };
+    let unheard = || server.client.session(DEMO).unwrap().control_loop.unheard;
+    // Until the server's own subscriptions have come here.
+    let started = Instant::now();
+    while unheard() == 0 {
+        assert!(started.elapsed() < PATIENCE, "the server hears nothing");
+        put(keys().tool_up(1)).await;
+        server.client.let_pass(DEMO, 20).unwrap();
+    }
+    let before = unheard();
+    for _ in 0..MESSAGES {
+        put(every_tool_up_in(keys().realm())).await;
+    }
+    // One after another on one connection: when these are counted, those have come.
+    for _ in 0..MESSAGES {
+        put(keys().tool_up(1)).await;
+    }
+    server
+        .client
+        .session_when(DEMO, "the last message to come", PATIENCE, |session| {
+            before + MESSAGES <= session.control_loop.unheard
+        })
+        .unwrap();
+    server.client.let_pass(DEMO, 100).unwrap();
+    assert_eq!(unheard(), before + MESSAGES);
 }

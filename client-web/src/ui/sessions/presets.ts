@@ -37,6 +37,14 @@ export const PRESETS: readonly Preset[] = [
     body: { scheme: "replica", clay: { shape: { kind: "block", size_m: [0.128, 0.128, 0.064] }, voxel_size_m: 5e-4 } },
   },
   {
+    name: "mill", title: "End mill", says: "an upright cylinder 8 mm thick",
+    body: { scheme: "replica", tool: { kind: "cylinder", radius_m: 0.004, height_m: 0.03 } },
+  },
+  {
+    name: "ribbon", title: "Loop tool", says: "a ring of wire that takes a ribbon 18 mm wide: the wire feels, what passes through the ring is gone",
+    body: { scheme: "replica", tool: { kind: "loop", ring_radius_m: 0.008, wire_diameter_m: 0.002 } },
+  },
+  {
     name: "steps", title: "Cutting experiment", says: "the paper's stepped block and a blade 1 cm wide",
     body: { scheme: "replica", clay: { shape: { kind: "stepped" } }, tool: { kind: "blade", width_m: 0.01, height_m: 0.04, thickness_m: 0.002 } },
   },

@@ -17,15 +17,32 @@ pub(crate) enum Start {
 /// tool, for as many tools as may work in turns.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Cleared {
-    places: [Option<(ToolShape, Pose)>; 8],
+    places: [Option<(Solid, Pose)>; 8],
     next: usize,
+}
+
+/// What a solid is known by.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Solid {
+    Shape(ToolShape),
+    /// By its digest.
+    Mesh(u64),
 }
 
 impl Cleared {
     /// Says whether the sweep's start is clear, and notes that its end is going to be.
     pub(crate) fn advance(&mut self, sweep: &Sweep) -> Start {
-        let end = Some((sweep.shape, sweep.to));
-        let start = Some((sweep.shape, sweep.from));
+        self.advance_solid(Solid::Shape(sweep.shape), sweep.from, sweep.to)
+    }
+
+    /// The same of a mesh.
+    pub(crate) fn advance_mesh(&mut self, digest: u64, from: Pose, to: Pose) -> Start {
+        self.advance_solid(Solid::Mesh(digest), from, to)
+    }
+
+    fn advance_solid(&mut self, solid: Solid, from: Pose, to: Pose) -> Start {
+        let end = Some((solid, to));
+        let start = Some((solid, from));
         if let Some(place) = self.places.iter_mut().find(|place| **place == start) {
             *place = end;
             return Start::Clear;

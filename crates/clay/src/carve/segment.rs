@@ -1,7 +1,7 @@
 //! The line segment on which a sweep leads through the voxels.
 
 use crate::grid::MAX_AXIS_VOXELS;
-use crate::pose::STEPS_PER_METRE;
+use crate::pose::{Pose, STEPS_PER_METRE};
 use crate::sweep::Sweep;
 
 /// Rounding error of a coordinate in single precision, relative to the largest that occurs: half a unit in the last
@@ -19,10 +19,14 @@ pub(super) struct Segment {
 
 impl Segment {
     pub(super) fn new(sweep: &Sweep, voxel_size_m: f64) -> Self {
+        Self::between(sweep.from, sweep.to, voxel_size_m)
+    }
+
+    pub(super) fn between(from: Pose, to: Pose, voxel_size_m: f64) -> Self {
         let per_metre = 1.0 / voxel_size_m;
         let per_step = per_metre / STEPS_PER_METRE;
         let in_voxels = |steps: [i32; 3]| steps.map(|step| f64::from(step) * per_step - 0.5);
-        let (from, to) = (in_voxels(sweep.from.steps()), in_voxels(sweep.to.steps()));
+        let (from, to) = (in_voxels(from.steps()), in_voxels(to.steps()));
         let far = from
             .iter()
             .chain(&to)

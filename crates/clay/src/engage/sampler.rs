@@ -1,7 +1,8 @@
 //! Reads the clay in front of a tool.
 
 use super::LOOK_AHEAD_VOXELS;
-use super::points::{FacePairs, Tool};
+use super::points::{FacePairs, Faces};
+use super::rod::RodReach;
 use crate::field::{Field, Reader, SOLID};
 use crate::grid::{BRICK_EDGE, MAX_AXIS_VOXELS};
 use crate::lanes::{F32x4, I32x4, LANES};
@@ -23,6 +24,7 @@ const FAR: f32 = 2.0 * MAX_AXIS_VOXELS as f32;
 /// Binary places of a sample's position between voxels.
 const PLACES: u32 = 12;
 const SCALE: f32 = (1 << PLACES) as f32;
+const LOOK_AHEAD: f32 = LOOK_AHEAD_VOXELS as f32 * SCALE;
 const LOWEST: f32 = (NONE_BELOW * SOLID as f64) as f32;
 const RANGE: f32 = ((FULL_FROM - NONE_BELOW) * SOLID as f64) as f32;
 
@@ -40,22 +42,27 @@ pub(super) struct Sampler<'a> {
     per_metre: f32,
     /// Radius of curvature of the tool's faces, in voxels; `None` for flat ones.
     radius: Option<f32>,
+    /// The rod that the tool removes, if it is one.
+    rod: Option<RodReach>,
     /// Voxels that storage has along each axis.
     voxels: [f32; 3],
 }
 
 impl<'a> Sampler<'a> {
-    pub(super) fn new(field: &'a Field, tool: &Tool, pose: Pose) -> Self {
+    pub(super) fn new(field: &'a Field, faces: &Faces, pose: Pose) -> Self {
         let per_metre = 1.0 / field.grid().voxel_size_m();
         let position_m = pose.position_m();
         Self {
             field,
             reader: field.reader(),
             middle: std::array::from_fn(|axis| {
-                ((position_m[axis] + tool.middle_from_pose_m[axis]) * per_metre - 0.5) as f32
+                ((position_m[axis] + faces.middle_from_pose_m[axis]) * per_metre - 0.5) as f32
             }),
             per_metre: per_metre as f32,
-            radius: tool.radius_m.map(|radius_m| (radius_m * per_metre) as f32),
+            radius: faces.radius_m.map(|radius_m| (radius_m * per_metre) as f32),
+            rod: faces
+                .rod
+                .map(|rod| rod.on_grid(per_metre * f64::from(SCALE), LOOK_AHEAD)),
             voxels: field
                 .grid()
                 .bricks()
@@ -64,13 +71,15 @@ impl<'a> Sampler<'a> {
     }
 
     /// Whether no clay is anywhere near the tool.
-    pub(super) fn is_in_air(&self, tool: &Tool) -> bool {
-        let extents_m = tool.shape().extents_m();
+    pub(super) fn is_in_air(&self, faces: &Faces) -> bool {
+        let extents_m = faces.extents_m;
         // Beyond the tool by the farthest that anything is felt, and one more for interpolation.
         let reach = match self.radius {
             Some(radius) => {
                 (LOOK_AHEAD_VOXELS as f32 * (2.0 * radius + LOOK_AHEAD_VOXELS as f32)).sqrt()
             }
+            // Never beyond the rod, grown by what it feels ahead.
+            None if self.rod.is_some() => LOOK_AHEAD_VOXELS as f32,
             None => LOOK_AHEAD_VOXELS as f32 / LEAST_COSINE,
         };
         let corner = |side: f32| {
@@ -84,8 +93,8 @@ impl<'a> Sampler<'a> {
 
     /// Engaged area in the direction `ahead`, m².
     #[inline(always)]
-    pub(super) fn area_m2(&self, tool: &Tool, ahead: [f64; 3]) -> f64 {
-        let [area_m2] = self.areas_m2(tool, ahead, |_, _, cosine| [cosine]);
+    pub(super) fn area_m2(&self, faces: &Faces, ahead: [f64; 3]) -> f64 {
+        let [area_m2] = self.areas_m2(faces, ahead, |_, _, cosine| [cosine]);
         area_m2
     }
 
@@ -93,13 +102,13 @@ impl<'a> Sampler<'a> {
     #[inline(always)]
     pub(super) fn areas_close_m2<const N: usize>(
         &self,
-        tool: &Tool,
+        faces: &Faces,
         ahead: [f64; 3],
         directions: [[f64; 3]; N],
     ) -> [f64; N] {
         let directions = directions.map(|direction| direction.map(|d| d as f32));
         let none = F32x4::splat(0.0);
-        self.areas_m2(tool, ahead, |pairs, side, _| {
+        self.areas_m2(faces, ahead, |pairs, side, _| {
             directions.map(|direction| (side * pairs.along(direction)).max(none))
         })
     }
@@ -108,17 +117,21 @@ impl<'a> Sampler<'a> {
     #[inline(always)]
     fn areas_m2<const N: usize>(
         &self,
-        tool: &Tool,
+        faces: &Faces,
         ahead: [f64; 3],
         numbers: impl Fn(&FacePairs, F32x4, F32x4) -> [F32x4; N],
     ) -> [f64; N] {
         let ahead = ahead.map(|d| d as f32);
         let none = F32x4::splat(0.0);
         let (mut areas_m2, mut whole_m2) = ([none; N], none);
-        for pairs in &tool.pairs {
+        for pairs in &faces.pairs {
             let (cosine, area_m2) = (pairs.along(ahead), F32x4::load(&pairs.area_m2));
-            let side = cosine.where_below(none, F32x4::splat(-1.0), F32x4::splat(1.0));
-            let cosine = cosine.abs();
+            let (side, cosine) = if faces.are_mirrored {
+                let side = cosine.where_below(none, F32x4::splat(-1.0), F32x4::splat(1.0));
+                (side, cosine.abs())
+            } else {
+                (F32x4::splat(1.0), cosine.max(none))
+            };
             let seen_m2 = cosine * area_m2;
             // A face that neither leads nor trails counts for nothing.
             if !seen_m2.any_above_0() {
@@ -132,34 +145,37 @@ impl<'a> Sampler<'a> {
             }
         }
         let sum = |lanes: F32x4| lanes.to_array().into_iter().map(f64::from).sum::<f64>();
-        // What a ball's points make of its disc is a little off, by as much whether clay is there or not.
-        let correction = tool.radius_m.map_or(1.0, |radius_m| {
-            std::f64::consts::PI * radius_m * radius_m / sum(whole_m2)
-        });
+        // What the points of a round tool make of its outline is a little off, by as much whether clay is there or not.
+        let seen_m2 = match (faces.radius_m, &faces.rod) {
+            (Some(radius_m), _) => Some(std::f64::consts::PI * radius_m * radius_m),
+            (None, Some(rod)) => rod.seen_m2(ahead),
+            (None, None) => None,
+        };
+        let correction = seen_m2.map_or(1.0, |seen_m2| seen_m2 / sum(whole_m2));
         areas_m2.map(|lanes| sum(lanes) * (correction / f64::from(RANGE)))
     }
 
     /// Where clay is looked for ahead of points, or of their opposites where `side` is -1.
     #[inline(always)]
     fn places(&self, pairs: &FacePairs, side: F32x4, cosine: F32x4, ahead: [f32; 3]) -> [I32x4; 3] {
-        const LOOK_AHEAD: f32 = LOOK_AHEAD_VOXELS as f32 * SCALE;
-        let reach = match self.radius {
+        let to_place = side * F32x4::splat(self.per_metre * SCALE);
+        let offset = |axis: usize| to_place * F32x4::load(&pairs.offset_m[axis]);
+        let reach = match (self.radius, &self.rod) {
             // Where the ray leaves the ball of radius r + a: s^2 + 2 r c s = 2 r a + a^2.
-            Some(radius) => {
+            (Some(radius), _) => {
                 let radius = radius * SCALE;
                 let across = F32x4::splat(radius) * cosine;
                 let rest = F32x4::splat(LOOK_AHEAD * (2.0 * radius + LOOK_AHEAD));
                 (across * across + rest).sqrt() - across
             }
-            None => F32x4::splat(LOOK_AHEAD) / cosine.max(F32x4::splat(LEAST_COSINE)),
+            (None, Some(rod)) => rod.reach([offset(0), offset(1), offset(2)], pairs, side, ahead),
+            (None, None) => F32x4::splat(LOOK_AHEAD) / cosine.max(F32x4::splat(LEAST_COSINE)),
         };
-        let side = side * F32x4::splat(self.per_metre * SCALE);
         let place = |axis: usize| {
             // Counted from the border of air about the grid, and kept in it.
             let middle = (self.middle[axis] + BRICK_EDGE as f32) * SCALE;
             let most = (self.voxels[axis] + (2 * BRICK_EDGE - 2) as f32) * SCALE;
-            let offset = side * F32x4::load(&pairs.offset_m[axis]);
-            (F32x4::splat(middle) + offset + reach * F32x4::splat(ahead[axis]))
+            (F32x4::splat(middle) + offset(axis) + reach * F32x4::splat(ahead[axis]))
                 .nearest_within([0.0, most])
         };
         [place(0), place(1), place(2)]

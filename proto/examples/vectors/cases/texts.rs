@@ -257,9 +257,23 @@ pub(super) fn join() -> Value {
             text("fresh", &FreshReply::Fresh { epoch: 2 }),
             text("refused", &FreshReply::Refused { reason: "nobody holds lease 17".to_owned() }),
         ],
-        "parameters": [text("parameters", &LoopParameters { revision: 2, axes: Axes::Three, ..LoopParameters::default() })],
+        "parameters": [
+            text("parameters", &LoopParameters { revision: 2, axes: Axes::Three, ..LoopParameters::default() }),
+            text("parameters with a loop", &LoopParameters {
+                tool: ToolDescription::Loop { ring_radius_m: 0.008, wire_diameter_m: 0.002 },
+                ..LoopParameters::default()
+            }),
+        ],
         "new_sessions": [
             text("every default", &NewSession::new(id("demo"))),
+            text("a cylinder", &NewSession {
+                tool: ToolDescription::Cylinder { radius_m: 0.004, height_m: 0.03 },
+                ..NewSession::new(id("mill"))
+            }),
+            text("a loop", &NewSession {
+                tool: ToolDescription::Loop { ring_radius_m: 0.008, wire_diameter_m: 0.002 },
+                ..NewSession::new(id("ribbon"))
+            }),
             text("nothing left at its default", &NewSession {
                 id: id("carving-2"),
                 axes: Axes::Three,
