@@ -157,6 +157,11 @@ pub(crate) async fn search(
                         code: RefusalCode::ShuttingDown | RefusalCode::Busy,
                         ..
                     } => true,
+                    // Whoever held a tool waits until there is time for it again.
+                    JoinError::Refused {
+                        code: RefusalCode::NoTickTime,
+                        ..
+                    } => old.is_some(),
                     JoinError::Refused {
                         code: RefusalCode::Stopped,
                         reason,

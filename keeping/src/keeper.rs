@@ -101,6 +101,11 @@ impl Keeper {
         }
     }
 
+    /// Whether all that has happened is durable, so that nothing is left to be told until something happens.
+    pub fn is_settled(&self) -> bool {
+        self.told.has_gap() || self.told.durable_revision() == self.revision
+    }
+
     fn on_pushed(&mut self, sequence: u64, session: &Session) {
         self.ticks.push(sequence, session.ticks());
         if self.revision != session.revision() {
@@ -138,6 +143,11 @@ impl Outbox {
             self.waiting.push_back(event);
         }
         self.waiting.range(known..)
+    }
+
+    /// Whether none waits.
+    pub fn is_empty(&self) -> bool {
+        self.waiting.is_empty()
     }
 
     /// The next one that is to leave.

@@ -173,6 +173,8 @@ words! {
         TokenRejected "token_rejected",
         /// The token is the server's, and this is not among what it is good for.
         NotAllowed "not_allowed",
+        /// The server has no time for another tool beside those that are held: ticks would start late.
+        NoTickTime "no_tick_time",
         /// Every tool of the session is held.
         NoFreeTool "no_free_tool",
         /// Somebody has stopped the session: nobody gets a tool until that is over.

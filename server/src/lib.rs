@@ -10,6 +10,7 @@
 //! | [`api`] | HTTP, WebSocket, OpenAPI, metrics, the dashboard |
 //! | `ros` | what a session tells, in ROS 2's words |
 //! | [`past`] | `teleclay-server history` |
+//! | `placing` | on which thread a session lives, and whether there is time for it |
 //! | `ros2` | sessions as ROS 2 is told of them |
 //! | [`settings`] | defaults, file, environment, flags |
 
@@ -20,6 +21,7 @@ pub mod doors;
 mod engine;
 pub mod network;
 pub mod past;
+mod placing;
 mod ros;
 mod ros2;
 mod serve;

@@ -22,13 +22,14 @@ use tokio::sync::watch;
 use tokio::task::JoinHandle;
 
 use crate::api::{self, ApiConfig};
-use crate::collector::{Collector, Sources};
-use crate::directory::{Directory, Parts};
+use crate::collector::{Collector, FromThread, Sources};
+use crate::directory::{Directory, Parts, ThreadParts};
 use crate::doors::Doors;
 use crate::doors::certificates::{self, Source};
 use crate::doors::command::Address;
-use crate::engine::{CAPACITIES, Engine, TICK};
+use crate::engine::{CAPACITIES, Engine, THREAD_NAMES, TICK, Threaded};
 use crate::network::{Lines, Network, Sender};
+use crate::placing::Budget;
 use crate::ros2::OnRos2;
 use crate::settings::Settings;
 use crate::statistics::LoopStats;
@@ -52,8 +53,9 @@ pub struct Server {
     ros2: Option<Ros2>,
     follows: Option<JoinHandle<()>>,
     looks_after: JoinHandle<()>,
-    // Field order is drop order: first the tick, then who empties its rings.
-    ticker: Ticker,
+    balances: JoinHandle<()>,
+    // Field order is drop order: first the ticks, then who empties their rings.
+    tickers: Vec<Ticker>,
     _collector: Collector,
     http: JoinHandle<()>,
     stop: watch::Sender<bool>,
@@ -94,22 +96,32 @@ impl Server {
         let clock = Clock::start();
         let sender = Sender::spawn()?;
         let collector = Collector::spawn()?;
-        let (engine, sessions) = Engine::new(Some(sender.thread()));
-        let (realtime, ends) = Realtime::new(engine, clock, CAPACITIES);
-        let loop_stats = Arc::new(Mutex::new(LoopStats::default()));
         let (notices, notices_out) = mpsc::channel();
-        let realtime = realtime.waking(collector.thread());
-        let sources = Sources {
-            timings: ends.records,
-            sessions: sessions.sessions,
-            events: sessions.events,
-            done: ends.done,
+        let (engines, outgoing) = Engine::threads(settings.tick_threads, Some(&sender.thread()));
+        let (mut loops, mut threads, mut from_threads) = (Vec::new(), Vec::new(), Vec::new());
+        for Threaded { engine, waker } in engines {
+            let (realtime, ends) = Realtime::new(engine, clock, CAPACITIES);
+            let realtime = realtime.waking(collector.thread());
+            loops.push(realtime.resting(waker.clone()));
+            let stats = Arc::new(Mutex::new(LoopStats::default()));
+            from_threads.push(FromThread {
+                timings: ends.records,
+                done: ends.done,
+                stats: Arc::clone(&stats),
+            });
+            threads.push(ThreadParts {
+                orders: ends.orders,
+                waker,
+                stats,
+            });
+        }
+        let collector = collector.start(Sources {
+            threads: from_threads,
             notices: notices_out,
-        };
-        let collector = collector.start(sources, Arc::clone(&loop_stats));
+        });
         let directory = Directory::new(Parts {
-            orders: ends.orders,
-            loop_stats,
+            threads,
+            budget: Budget::new(TICK, settings.tick_budget)?,
             notices,
             node: settings.node.clone(),
             doors: Arc::clone(&doors),
@@ -119,15 +131,19 @@ impl Server {
             slow_endpoint: Some(settings.zenoh_slow.to_string()),
             clock,
         });
-        let config = TickerConfig {
-            name: "teleclay-loop",
-            period: TICK,
-            scheduling: settings.scheduling,
-            spin: settings.spin,
-        };
-        let ticker = realtime.spawn(config)?;
-        directory.set_scheduler(ticker.scheduler());
-        tracing::info!(scheduler = ticker.scheduler(), "the loop runs at 1 kHz");
+        let mut tickers = Vec::new();
+        for (thread, realtime) in loops.into_iter().enumerate() {
+            let ticker = realtime.spawn(TickerConfig {
+                name: THREAD_NAMES[thread],
+                period: TICK,
+                scheduling: settings.scheduling,
+                spin: settings.spin,
+            })?;
+            let scheduler = ticker.scheduler();
+            directory.set_scheduler(thread, scheduler);
+            tracing::info!(thread, scheduler, "the loop runs at 1 kHz");
+            tickers.push(ticker);
+        }
         directory
             .recover(clock)
             .await
@@ -148,7 +164,7 @@ impl Server {
                 identity: identity.as_ref(),
             },
             &directory,
-            sender.feed(sessions.outgoing),
+            sender.feed(outgoing),
             clock,
         )
         .await?;
@@ -181,6 +197,8 @@ impl Server {
         let (stop, mut stopped) = watch::channel(false);
         let looks_after = directory.clone();
         let looks_after = tokio::spawn(async move { looks_after.look_after_archives().await });
+        let balanced = directory.clone();
+        let balances = tokio::spawn(async move { balanced.keep_balanced().await });
         let http = tokio::spawn(async move {
             let until = async move {
                 // An error means that the sender is gone, which is a stop as well.
@@ -196,7 +214,8 @@ impl Server {
             directory,
             network,
             ros2,
-            ticker,
+            balances,
+            tickers,
             _collector: collector,
             http,
             stop,
@@ -213,9 +232,9 @@ impl Server {
         self.network.listening().renew(identity).await;
     }
 
-    /// Whether the loop has ended by itself, which only a defect brings about.
+    /// Whether the loop has ended by itself on some thread, which only a defect brings about.
     pub fn has_failed(&self) -> bool {
-        self.ticker.is_finished()
+        self.tickers.iter().any(Ticker::is_finished)
     }
 
     /// Stops everything. Open WebSockets do not hold it up.
@@ -225,12 +244,13 @@ impl Server {
         self.http.abort();
         self.follows.iter().for_each(JoinHandle::abort);
         self.looks_after.abort();
+        self.balances.abort();
         if let Some(ros2) = self.ros2 {
             ros2.close().await;
         }
         self.network.close().await;
         // No tick any more, so nothing more to keep.
-        drop(self.ticker);
+        drop(self.tickers);
         let directory = self.directory.clone();
         // It fails only where the runtime ends.
         let _ = tokio::task::spawn_blocking(move || directory.end_writing()).await;

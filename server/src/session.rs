@@ -1,6 +1,6 @@
 //! What the server keeps of one session outside of the tick: its snapshot, its statistics, its mirror of the clay.
 
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard};
 
 use teleclay_clay::Clay;
@@ -68,6 +68,10 @@ pub(crate) struct SessionShared {
     pub(crate) archive: Option<Archive>,
     /// Held by whoever looks into its history: one after the other, and each on one thread.
     pub(crate) looking_back: Arc<tokio::sync::Semaphore>,
+    /// The thread that it lives on.
+    thread: AtomicUsize,
+    /// Held for reading by whoever gives its thread an order, for writing while it moves to another one.
+    pub(crate) moving: tokio::sync::RwLock<()>,
     /// Held by whoever prepares a command: prepared one after the other, none is overtaken by another.
     pub(crate) preparing: tokio::sync::Mutex<()>,
     /// Ticks at the last record; apart from the statistics, so that whoever holds those can tell the time.
@@ -80,6 +84,7 @@ pub(crate) struct SessionShared {
 impl SessionShared {
     pub(crate) fn new(
         number: u32,
+        thread: usize,
         snapshot: Snapshot,
         mirror: Clay,
         archive: Option<Archive>,
@@ -99,6 +104,8 @@ impl SessionShared {
             channels: Channels::default(),
             archive,
             looking_back: Arc::new(tokio::sync::Semaphore::new(1)),
+            thread: AtomicUsize::new(thread),
+            moving: tokio::sync::RwLock::default(),
             preparing: tokio::sync::Mutex::default(),
             ticks: AtomicU64::new(0),
             telemetry: broadcast::channel(SAMPLES_KEPT).0,
@@ -114,6 +121,23 @@ impl SessionShared {
 
     pub(crate) fn settings(&self) -> Arc<Settings> {
         Arc::clone(&self.snapshot().settings)
+    }
+
+    /// The thread that it lives on.
+    pub(crate) fn thread(&self) -> usize {
+        self.thread.load(Ordering::Relaxed)
+    }
+
+    /// It lives on another thread.
+    pub(crate) fn has_moved(&self, to: usize) {
+        self.thread.store(to, Ordering::Relaxed);
+    }
+
+    /// How many of its tools are held.
+    pub(crate) fn held_tools(&self) -> usize {
+        let snapshot = self.snapshot();
+        let tools = snapshot.tools.iter();
+        tools.filter(|tool| tool.holder.is_some()).count()
     }
 
     /// What the loop told last.

@@ -18,7 +18,9 @@ use teleclay_shell::ticker::Scheduling;
 
 use crate::doors::certificates::{self, Source};
 use crate::doors::command::{InviteCommand, InvitesCommand, default_data_dir};
+use crate::engine::{MAX_THREADS, TICK};
 use crate::past::HistoryCommand;
+use crate::placing::{Budget, threads_by_rule};
 
 /// A networked haptic tele-presence server: it holds the clay and the tool side of the loop.
 #[derive(Debug, Parser)]
@@ -69,6 +71,14 @@ pub struct Arguments {
     /// Last microseconds of each wait that are spun instead of slept (default: 0)
     #[arg(long)]
     spin_us: Option<u64>,
+    /// Threads that run the loop; sessions are spread over them as they take time (default: half as many as there are
+    /// processors, from 1 to 8)
+    #[arg(long, value_name = "NUMBER")]
+    tick_threads: Option<usize>,
+    /// What the sessions of a thread may take of each tick before others are refused, in parts of it; 0 refuses nobody
+    /// (default: 0.6)
+    #[arg(long, value_name = "SHARE")]
+    tick_budget: Option<f64>,
     /// A certificate in PEM, with those that vouch for it, instead of one of the server's own authority
     #[arg(long, value_name = "FILE", requires = "tls_key")]
     tls_cert: Option<PathBuf>,
@@ -142,6 +152,8 @@ struct Raw {
     allow_origins: Vec<String>,
     scheduling: String,
     spin_us: u64,
+    tick_threads: Option<usize>,
+    tick_budget: f64,
     tls_cert: Option<PathBuf>,
     tls_key: Option<PathBuf>,
     hosts: Vec<String>,
@@ -168,6 +180,8 @@ impl Default for Raw {
             allow_origins: Vec::new(),
             scheduling: Scheduling::default().to_string(),
             spin_us: 0,
+            tick_threads: None,
+            tick_budget: 0.6,
             tls_cert: None,
             tls_key: None,
             hosts: Vec::new(),
@@ -218,6 +232,10 @@ pub struct Settings {
     pub scheduling: Scheduling,
     /// Spun part of each wait.
     pub spin: Duration,
+    /// Threads that run the loop.
+    pub tick_threads: usize,
+    /// What the sessions of a thread may take of each tick, in parts of it; nobody is refused with 0.
+    pub tick_budget: f64,
     /// How the log is written.
     pub log_format: LogFormat,
 }
@@ -231,7 +249,7 @@ const MOST_SPIN_US: u64 = 900;
 const MOST_ROS2_DOMAIN: u32 = 232;
 
 /// Settings that a variable `TELECLAY_…` may give, beside the token.
-const FROM_ENVIRONMENT: [&str; 20] = [
+const FROM_ENVIRONMENT: [&str; 22] = [
     "listen",
     "zenoh_listen",
     "data_dir",
@@ -243,6 +261,8 @@ const FROM_ENVIRONMENT: [&str; 20] = [
     "allow_origins",
     "scheduling",
     "spin_us",
+    "tick_threads",
+    "tick_budget",
     "tls_cert",
     "tls_key",
     "hosts",
@@ -300,6 +320,8 @@ impl Settings {
         if let Some(spin_us) = arguments.spin_us {
             raw.spin_us = spin_us;
         }
+        raw.tick_threads = arguments.tick_threads.or(raw.tick_threads);
+        raw.tick_budget = arguments.tick_budget.unwrap_or(raw.tick_budget);
         if arguments.tls_cert.is_some() {
             raw.tls_cert.clone_from(&arguments.tls_cert);
             raw.tls_key.clone_from(&arguments.tls_key);
@@ -368,6 +390,12 @@ impl Settings {
             "spin_us is {}, want {MOST_SPIN_US} at most",
             raw.spin_us
         );
+        let tick_threads = raw.tick_threads.unwrap_or_else(threads_of_this_machine);
+        ensure!(
+            (1..=MAX_THREADS).contains(&tick_threads),
+            "tick_threads is {tick_threads}, want 1 to {MAX_THREADS}"
+        );
+        Budget::new(TICK, raw.tick_budget)?;
         Ok(Self {
             listen: raw.listen,
             zenoh_slow: zenoh_control.neighbour(1)?,
@@ -389,12 +417,20 @@ impl Settings {
                 .parse()
                 .map_err(|error: String| anyhow::anyhow!(error))?,
             spin: Duration::from_micros(raw.spin_us),
+            tick_threads,
+            tick_budget: raw.tick_budget,
             log_format: raw
                 .log_format
                 .parse()
                 .map_err(|error: String| anyhow::anyhow!(error))?,
         })
     }
+}
+
+fn threads_of_this_machine() -> usize {
+    // Where nobody can say how many processors there are, one thread does.
+    let processors = std::thread::available_parallelism().map_or(1, usize::from);
+    threads_by_rule(processors, MAX_THREADS)
 }
 
 /// Where sessions are told of on ROS 2, if they are.
@@ -512,6 +548,19 @@ mod tests {
         assert!(with("tcp/192.0.2.7:7447", |raw| raw.ros2_in_the_clear = true).is_ok());
         assert!(with("tls/192.0.2.7:7447", |_| ()).is_ok());
         assert!(with("tcp/127.0.0.1:7447", |raw| raw.ros2_domain = 233).is_err());
+    }
+
+    #[test]
+    fn threads_and_budget_are_within_their_bounds() {
+        let threads = |count| proven(|raw| raw.tick_threads = Some(count));
+        assert_eq!(threads(8).unwrap().tick_threads, 8);
+        for count in [0, 9] {
+            let said = threads(count).unwrap_err().to_string();
+            assert!(said.contains("want 1 to 8"), "{said}");
+        }
+        assert!((1..=8).contains(&proven(|_| ()).unwrap().tick_threads));
+        assert!(proven(|raw| raw.tick_budget = 0.0).is_ok());
+        assert!(proven(|raw| raw.tick_budget = 1.1).is_err());
     }
 
     #[test]

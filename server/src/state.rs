@@ -24,11 +24,16 @@ struct Mirrored {
     remaining_units: u64,
 }
 
-pub(crate) fn session(
-    shared: &SessionShared,
-    loop_stats: &Mutex<LoopStats>,
-    scheduler: &str,
-) -> Session {
+/// The thread that a session lives on.
+pub(crate) struct ThreadState<'a> {
+    pub(crate) stats: &'a Mutex<LoopStats>,
+    /// What it was granted.
+    pub(crate) scheduler: &'a str,
+    /// What sessions may take of its tick, s.
+    pub(crate) budget_s: f64,
+}
+
+pub(crate) fn session(shared: &SessionShared, thread: &ThreadState<'_>) -> Session {
     let mirrored = {
         let mut mirror = shared.mirror.lock().expect("no holder panics");
         Mirrored {
@@ -66,7 +71,8 @@ pub(crate) fn session(
         .flatten()
         .map(|tool| tool.coordination_m)
         .fold(0.0, f64::max);
-    let loop_stats = loop_stats.lock().expect("no holder panics");
+    let own_tick_s = stats.work.tick_quantiles();
+    let loop_stats = thread.stats.lock().expect("no holder panics");
     Session {
         id: shared.id.clone(),
         revision: snapshot.revision,
@@ -102,8 +108,11 @@ pub(crate) fn session(
         control_loop: LoopState {
             rate_hz: loop_stats.rate_hz,
             ticks: record.ticks,
-            late_ticks: loop_stats.late_ticks,
+            late_ticks: record.late_ticks,
             tick_s: loop_stats.work.tick_quantiles(),
+            thread: record.thread as u32,
+            own_tick_s,
+            budget_share: own_tick_s.p99 / thread.budget_s,
             rtt_s: stats.rtt.quantiles(),
             age_s: stats.age.quantiles(),
             lost: record.arrivals.lost,
@@ -113,7 +122,7 @@ pub(crate) fn session(
             packets_up_per_s,
             packets_down_per_s,
             energy_j,
-            scheduler: scheduler.to_owned(),
+            scheduler: thread.scheduler.to_owned(),
         },
     }
 }

@@ -49,6 +49,22 @@ impl Rolling {
         }
     }
 
+    /// How many values there are.
+    pub(crate) fn count(&self) -> u64 {
+        self.current.len() + self.before.len()
+    }
+
+    /// How many values are above one, in parts of all; none where there is no value.
+    pub(crate) fn share_above(&self, nanos: u64) -> f64 {
+        let count = self.count();
+        if count == 0 {
+            return 0.0;
+        }
+        let [current, before] = [&self.current, &self.before];
+        let above = [current, before].map(|all| all.count_between(nanos + 1, GREATEST_NS));
+        above.iter().sum::<u64>() as f64 / count as f64
+    }
+
     fn merged(&self) -> Histogram<u32> {
         let mut all = self.current.clone();
         all.add(&self.before).expect("both have the same bounds");
@@ -61,6 +77,10 @@ impl Rolling {
             p50: seconds(all.value_at_quantile(0.5)),
             p99: seconds(all.value_at_quantile(0.99)),
         }
+    }
+
+    pub(crate) fn p99_s(&self) -> f64 {
+        seconds(self.merged().value_at_quantile(0.99))
     }
 
     pub(crate) fn tick_quantiles(&self) -> TickQuantiles {
@@ -78,11 +98,11 @@ fn seconds(nanos: u64) -> f64 {
     nanos as f64 * 1e-9
 }
 
-/// Statistics of the thread, the same for all its sessions.
+/// Statistics of a thread, the same for all its sessions.
 pub(crate) struct LoopStats {
     pub(crate) work: Rolling,
     pub(crate) lateness: Rolling,
-    /// Ticks that started more than a whole period after their deadline.
+    /// Ticks that started more than a whole period after their deadline, since the server started.
     pub(crate) late_ticks: u64,
     /// Deadlines given up.
     pub(crate) given_up: u64,
@@ -124,7 +144,18 @@ pub(crate) struct SessionStats {
     pub(crate) age: Rolling,
     pub(crate) up: Rate,
     pub(crate) down: Rate,
+    /// What its ticks take of their processor.
+    pub(crate) work: Rolling,
+    /// When a tick was measured last: one that rests has none.
+    measured_at: Option<Instant>,
+    /// Since when somebody holds a tool of it.
+    held_since: Option<Instant>,
+    /// What a held tool took when the last one was let go of, s.
+    tool_s: Option<f64>,
 }
+
+/// Measured ticks from which a cost is told: two seconds of them.
+const ENOUGH: u64 = 400;
 
 impl SessionStats {
     pub(crate) fn new() -> Self {
@@ -135,7 +166,44 @@ impl SessionStats {
             age: Rolling::new(),
             up: Rate::new(now),
             down: Rate::new(now),
+            work: Rolling::new(),
+            measured_at: None,
+            held_since: None,
+            tool_s: None,
         }
+    }
+
+    /// What the session takes of a tick while `held` of its tools are held, s: what it was measured to take in the last
+    /// seconds, and until that is known no less than `expected_tool_s` for each tool; nothing, while it rests.
+    pub(crate) fn cost_s(&self, now: Instant, held: usize, expected_tool_s: f64) -> f64 {
+        let measured_at = self.measured_at;
+        let is_made = measured_at.is_some_and(|at| now.duration_since(at) < RATE_WINDOW);
+        if held == 0 && !is_made {
+            return 0.0;
+        }
+        let measured_s = self.work.p99_s();
+        let is_known = ENOUGH <= self.work.count();
+        if held == 0 || is_known {
+            return measured_s;
+        }
+        measured_s.max(held as f64 * expected_tool_s)
+    }
+
+    /// What a held tool of it takes of a tick, as last measured, s.
+    pub(crate) fn tool_s(&self) -> Option<f64> {
+        self.steady_tool_s().or(self.tool_s)
+    }
+
+    /// The same as long as one is held, once all that is remembered was measured since then.
+    fn steady_tool_s(&self) -> Option<f64> {
+        let steady_since = self.held_since?.checked_add(WINDOW * 2)?;
+        let is_steady = steady_since <= self.work.since && ENOUGH <= self.work.count();
+        let held = self.held_tools();
+        (is_steady && 0 < held).then(|| self.work.p99_s() / held as f64)
+    }
+
+    fn held_tools(&self) -> usize {
+        self.record.tools.iter().flatten().count()
     }
 
     pub(crate) fn packets_per_s(&self) -> (f64, f64) {
@@ -146,6 +214,11 @@ impl SessionStats {
     pub(crate) fn add(&mut self, record: SessionRecord, now: Instant) {
         self.rtt.turn(now);
         self.age.turn(now);
+        self.work.turn(now);
+        if let Some(work_ns) = record.work_ns {
+            self.work.record(work_ns);
+            self.measured_at = Some(now);
+        }
         let tools = record.tools.iter().flatten();
         for tool in tools.filter(|tool| tool.is_connected) {
             if let Some(rtt_s) = tool.rtt_s {
@@ -155,11 +228,29 @@ impl SessionStats {
         }
         self.up.turn(now, record.arrivals.received);
         self.down.turn(now, record.frames_sent);
+        let is_held = record.tools.iter().any(Option::is_some);
+        if is_held {
+            self.held_since.get_or_insert(now);
+        } else if self.held_since.is_some() {
+            self.tool_s = self.tool_s();
+            self.held_since = None;
+        }
         self.record = record;
     }
 }
 
 impl LoopStats {
+    /// Forgets what is too old.
+    pub(crate) fn turn(&mut self, now: Instant) {
+        self.work.turn(now);
+        self.lateness.turn(now);
+    }
+
+    /// Ticks of the last seconds that started more than a whole period late, in parts of all.
+    pub(crate) fn late_share(&self) -> f64 {
+        self.lateness.share_above(TICK.as_nanos() as u64)
+    }
+
     /// Takes in one tick.
     pub(crate) fn add(&mut self, timing: &Timing, now: Instant) {
         self.work.record(timing.work_ns);
@@ -192,6 +283,7 @@ mod tests {
             lateness_ns: lateness.as_nanos() as u64,
             work_ns: 5_000,
             given_up: 0,
+            rested: 0,
         }
     }
 

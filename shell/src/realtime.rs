@@ -20,7 +20,7 @@ use rtrb::{Consumer, Producer, RingBuffer};
 use teleclay_link::time::Timestamp;
 
 use crate::Clock;
-use crate::ticker::{Next, Tick, Ticker, TickerConfig};
+use crate::ticker::{Next, Tick, Ticker, TickerConfig, Waker};
 
 /// What is stepped.
 pub trait Machine: Send + 'static {
@@ -32,6 +32,11 @@ pub trait Machine: Send + 'static {
     type Record: Send + 'static;
     /// Why it ended by itself.
     type Failure: Send + 'static;
+
+    /// A tick begins: before its orders, and before [`Machine::tick`].
+    fn begin(&mut self, now: Timestamp, tick: &Tick) {
+        let _ = (now, tick);
+    }
 
     /// Carries an order out. There is room for what it leaves.
     fn carry_out(&mut self, now: Timestamp, order: Self::Order) -> Self::Done;
@@ -49,6 +54,11 @@ pub trait Machine: Send + 'static {
     where
         Self: Sized;
 
+    /// Deadlines that may pass without a tick, as long as no order comes: then the thread sleeps.
+    fn may_rest(&self) -> u32 {
+        0
+    }
+
     /// By how much the next deadline is to be later than a period after this one, ns; see [`Next::Shift`]. Asked once a
     /// tick.
     fn shift_ns(&mut self) -> i64 {
@@ -65,6 +75,8 @@ pub struct Timing {
     pub work_ns: u64,
     /// Deadlines given up just before.
     pub given_up: u64,
+    /// Deadlines slept through just before, since nothing was to be done.
+    pub rested: u64,
 }
 
 /// Lengths of the rings.
@@ -134,7 +146,7 @@ pub struct Ends<M: Machine> {
 /// Counters that any thread may read.
 #[derive(Debug, Default)]
 pub struct Counters {
-    /// Ticks since the start.
+    /// Ticks since the start, those that a resting machine slept through included.
     pub ticks: AtomicU64,
     /// Records and other things that found a ring full.
     pub overflowed: AtomicU64,
@@ -149,6 +161,7 @@ pub struct Realtime<M: Machine> {
     out: Out<M>,
     counters: Arc<Counters>,
     reader: Option<Thread>,
+    waker: Option<Waker>,
 }
 
 impl<M: Machine> Realtime<M> {
@@ -172,6 +185,7 @@ impl<M: Machine> Realtime<M> {
             },
             counters: Arc::clone(&counters),
             reader: None,
+            waker: None,
         };
         let ends = Ends {
             orders,
@@ -189,12 +203,24 @@ impl<M: Machine> Realtime<M> {
         self
     }
 
+    /// Lets the thread sleep while the machine has nothing to do. Whoever puts an order into the ring has `waker` wake
+    /// it.
+    pub fn resting(mut self, waker: Waker) -> Self {
+        self.waker = Some(waker);
+        self
+    }
+
     /// Starts the thread.
     ///
     /// # Errors
     /// The system cannot make a thread.
     pub fn spawn(mut self, config: TickerConfig) -> io::Result<Ticker> {
-        Ticker::spawn(config, move |tick| self.tick(tick))
+        let waker = self.waker.clone();
+        let ticker = Ticker::spawn(config, move |tick| self.tick(tick))?;
+        if let Some(waker) = waker {
+            waker.set(&ticker);
+        }
+        Ok(ticker)
     }
 
     /// Orders that wait, then one tick of the machine.
@@ -205,6 +231,7 @@ impl<M: Machine> Realtime<M> {
     /// The same at a time of the caller's.
     pub fn tick_at(&mut self, now: Timestamp, tick: Tick) -> Next {
         let started_ns = self.clock.now_ns();
+        self.machine.begin(now, &tick);
         self.take_orders(now);
         if let Err(failure) = self.machine.tick(now, &mut self.out) {
             // The ring holds the one failure that there can be.
@@ -215,9 +242,11 @@ impl<M: Machine> Realtime<M> {
             lateness_ns: tick.lateness.as_nanos() as u64,
             work_ns: self.clock.now_ns() - started_ns,
             given_up: tick.given_up,
+            rested: tick.rested,
         };
         self.machine.after_tick(timing, &mut self.out);
-        self.counters.ticks.fetch_add(1, Ordering::Relaxed);
+        let ticks = &self.counters.ticks;
+        ticks.fetch_add(1 + tick.rested, Ordering::Relaxed);
         let overflowed = std::mem::take(&mut self.out.overflowed);
         if 0 < overflowed {
             self.counters
@@ -229,9 +258,13 @@ impl<M: Machine> Realtime<M> {
         {
             reader.unpark();
         }
-        match self.machine.shift_ns() {
-            0 => Next::Continue,
-            shift_ns => Next::Shift(shift_ns),
+        let shift_ns = self.machine.shift_ns();
+        // An order that comes after this look wakes the thread.
+        let can_rest = self.waker.is_some() && self.orders.is_empty();
+        match (self.machine.may_rest(), shift_ns) {
+            (most @ 1.., _) if can_rest => Next::Rest(most),
+            (_, 0) => Next::Continue,
+            (_, shift_ns) => Next::Shift(shift_ns),
         }
     }
 
@@ -325,6 +358,7 @@ mod tests {
             number,
             lateness: Duration::from_micros(7),
             given_up: 2,
+            ..Tick::default()
         }
     }
 
@@ -363,6 +397,51 @@ mod tests {
         ends.orders.push(1000).unwrap();
         assert_eq!(realtime.tick(tick(0)), Next::Stop);
         assert_eq!(ends.failures.pop(), Ok("enough"));
+    }
+
+    /// It rests while the machine has nothing to do and no order waits, and what was slept through is counted.
+    #[test]
+    fn a_machine_that_may_rest_does_so_when_no_order_waits() {
+        struct Idle;
+        impl Machine for Idle {
+            type Order = ();
+            type Done = ();
+            type Record = Timing;
+            type Failure = ();
+            fn carry_out(&mut self, _now: Timestamp, (): ()) {}
+            fn tick(&mut self, _now: Timestamp, _out: &mut Out<Self>) -> Result<(), ()> {
+                Ok(())
+            }
+            fn after_tick(&mut self, timing: Timing, out: &mut Out<Self>) {
+                let _ = out.record(timing);
+            }
+            fn may_rest(&self) -> u32 {
+                50
+            }
+        }
+        let capacities = Capacities {
+            orders: 8,
+            done: 1,
+            records: 8,
+        };
+        let (realtime, mut ends) = Realtime::new(Idle, Clock::start(), capacities);
+        let mut realtime = realtime.resting(Waker::default());
+        assert_eq!(realtime.tick(tick(0)), Next::Rest(50));
+        let rested = Tick {
+            number: 51,
+            rested: 50,
+            ..Tick::default()
+        };
+        realtime.tick(rested);
+        assert_eq!(ends.counters.ticks.load(Ordering::Relaxed), 52);
+        ends.records.pop().unwrap();
+        assert_eq!(ends.records.pop().unwrap().rested, 50);
+        // The second of two waits for room, and then nobody sleeps over it.
+        ends.orders.push(()).unwrap();
+        ends.orders.push(()).unwrap();
+        assert_eq!(realtime.tick(tick(52)), Next::Continue);
+        assert_eq!(ends.done.pop(), Ok(()));
+        assert_eq!(realtime.tick(tick(53)), Next::Rest(50));
     }
 
     #[test]

@@ -3,12 +3,15 @@
 //! A tick that starts late is made up for at once, so the mean rate stays; behind by more than [`MOST_BEHIND`] periods
 //! (a suspended machine) the missed ones are given up and counted. Each tick is told how late it started; what to count
 //! is the caller's.
+//!
+//! A step without work may rest ([`Next::Rest`]): the thread then sleeps through a number of deadlines, or until its
+//! [`Waker`] wakes it, and goes on at the deadline that comes next.
 
 use std::fmt;
 use std::io;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread::JoinHandle;
+use std::sync::{Arc, OnceLock};
+use std::thread::{JoinHandle, Thread};
 use std::time::Duration;
 
 /// Ticks that are made up for at most: 50 ms at 1 kHz, shorter than any watchdog here.
@@ -59,14 +62,19 @@ pub struct TickerConfig {
 }
 
 /// One tick's circumstances.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Tick {
-    /// Number of the tick, from 0.
+    /// Number of its deadline, from 0. It grows by one from tick to tick, and by one more for each deadline that was
+    /// given up or slept through.
     pub number: u64,
+    /// When the deadline was, on the clock that all threads of a process share, ns.
+    pub deadline_ns: u64,
     /// How long after its deadline the tick started.
     pub lateness: Duration,
     /// Deadlines given up just before this tick.
     pub given_up: u64,
+    /// Deadlines slept through just before this tick, as the one before had asked.
+    pub rested: u64,
 }
 
 /// Whether the thread goes on.
@@ -74,11 +82,34 @@ pub struct Tick {
 pub enum Next {
     /// Another tick.
     Continue,
+    /// Another tick after so many deadlines that are slept through, or at the next deadline after a waking.
+    Rest(u32),
     /// Another tick, whose deadline, and with it every later one, is so many ns later than it would have been; negative
     /// for sooner. A thousandth of the period counts at most.
     Shift(i64),
     /// End the thread.
     Stop,
+}
+
+/// Wakes a thread that rests. Copies wake the same thread.
+#[derive(Clone, Debug, Default)]
+pub struct Waker(Arc<OnceLock<Thread>>);
+
+impl Waker {
+    /// Ends the thread's rest, or its next one. Nothing allocates or waits here, so a tick may wake another's thread.
+    pub fn wake(&self) {
+        if let Some(thread) = self.0.get() {
+            thread.unpark();
+        }
+    }
+
+    /// What is woken. A waker that is told twice keeps to the first.
+    pub fn set(&self, ticker: &Ticker) {
+        if let Some(thread) = &ticker.thread {
+            // See above.
+            let _ = self.0.set(thread.thread().clone());
+        }
+    }
 }
 
 /// A running thread. Dropping it stops and joins it.
@@ -136,17 +167,23 @@ impl Drop for Ticker {
     fn drop(&mut self) {
         self.stop.store(true, Ordering::Relaxed);
         if let Some(thread) = self.thread.take() {
+            thread.thread().unpark();
             // A panic in the thread was printed by it; there is nothing to add here.
             let _ = thread.join();
         }
     }
 }
 
+/// Processor time that the calling thread has taken so far, ns: what others take from it meanwhile is not in it.
+pub fn thread_time_ns() -> u64 {
+    platform::thread_time_ns()
+}
+
 fn run(config: &TickerConfig, stop: &AtomicBool, step: &mut impl FnMut(Tick) -> Next) {
-    let period = config.period.as_nanos() as u64;
+    let period = (config.period.as_nanos() as u64).max(1);
     let spin = config.spin.as_nanos() as u64;
     let mut deadline = platform::now_ns() + period;
-    let mut number = 0;
+    let (mut number, mut rested) = (0, 0);
     while !stop.load(Ordering::Relaxed) {
         platform::sleep_until(deadline.saturating_sub(spin));
         while platform::now_ns() < deadline {
@@ -159,19 +196,29 @@ fn run(config: &TickerConfig, stop: &AtomicBool, step: &mut impl FnMut(Tick) -> 
         } else {
             0
         };
+        number += given_up;
         deadline += given_up * period;
-        let lateness = Duration::from_nanos(late);
         let next = step(Tick {
             number,
-            lateness,
+            deadline_ns: deadline,
+            lateness: Duration::from_nanos(late),
             given_up,
+            rested,
         });
         number += 1;
+        rested = 0;
         deadline += match next {
             Next::Stop => return,
             Next::Continue => period,
             Next::Shift(shift_ns) => shifted(period, shift_ns),
+            Next::Rest(most) => {
+                let next = deadline + period;
+                rest_until(next + u64::from(most) * period);
+                rested = slept_through(next, period, platform::now_ns());
+                period + rested * period
+            }
         };
+        number += rested;
     }
 }
 
@@ -179,6 +226,18 @@ fn run(config: &TickerConfig, stop: &AtomicBool, step: &mut impl FnMut(Tick) -> 
 fn shifted(period: u64, shift_ns: i64) -> u64 {
     let most = (period / 1000) as i64;
     period.saturating_add_signed(shift_ns.clamp(-most, most))
+}
+
+/// Sleeps, unless the thread is woken.
+fn rest_until(until_ns: u64) {
+    let asleep_ns = until_ns.saturating_sub(platform::now_ns());
+    // It may end for no reason: that is a rest cut short.
+    std::thread::park_timeout(Duration::from_nanos(asleep_ns));
+}
+
+/// How many deadlines are over at `now_ns`, of which `next_ns` is the first.
+fn slept_through(next_ns: u64, period: u64, now_ns: u64) -> u64 {
+    now_ns.saturating_sub(next_ns).div_ceil(period)
 }
 
 #[cfg(target_os = "linux")]
@@ -195,12 +254,20 @@ mod platform {
     const NS_PER_S: u64 = 1_000_000_000;
 
     pub(super) fn now_ns() -> u64 {
+        read(libc::CLOCK_MONOTONIC)
+    }
+
+    pub(super) fn thread_time_ns() -> u64 {
+        read(libc::CLOCK_THREAD_CPUTIME_ID)
+    }
+
+    fn read(clock: libc::clockid_t) -> u64 {
         let mut now = libc::timespec {
             tv_sec: 0,
             tv_nsec: 0,
         };
-        // SAFETY: `now` is a valid timespec; CLOCK_MONOTONIC always exists.
-        unsafe { libc::clock_gettime(libc::CLOCK_MONOTONIC, &raw mut now) };
+        // SAFETY: `now` is a valid timespec; both clocks always exist.
+        unsafe { libc::clock_gettime(clock, &raw mut now) };
         now.tv_sec as u64 * NS_PER_S + now.tv_nsec as u64
     }
 
@@ -260,6 +327,11 @@ mod platform {
         START.elapsed().as_nanos() as u64
     }
 
+    /// The time that passes, which is what can be had everywhere.
+    pub(super) fn thread_time_ns() -> u64 {
+        now_ns()
+    }
+
     pub(super) fn sleep_until(deadline_ns: u64) {
         let now = now_ns();
         if now < deadline_ns {
@@ -279,7 +351,52 @@ mod platform {
 
 #[cfg(test)]
 mod tests {
-    use super::{FIFO_PRIORITY, shifted};
+    use super::*;
+
+    /// The deadline that comes next is not among them, nor is one that is now.
+    #[test]
+    fn deadlines_that_are_over_were_slept_through_and_no_other() {
+        for (now_ns, slept) in [
+            (6_900, 0),
+            (7_000, 0),
+            (7_001, 1),
+            (8_000, 1),
+            (8_001, 2),
+            (57_000, 50),
+        ] {
+            assert_eq!(slept_through(7_000, 1000, now_ns), slept, "at {now_ns}");
+        }
+    }
+
+    /// A rest of minutes ends when somebody wakes the thread; ticks and deadlines that were slept through are the time
+    /// that has passed.
+    #[test]
+    fn a_rest_ends_early_for_whoever_wakes_and_its_deadlines_are_counted() {
+        let (told, ticks) = std::sync::mpsc::channel();
+        let config = TickerConfig {
+            name: "resting",
+            period: Duration::from_millis(1),
+            scheduling: Scheduling::Normal,
+            spin: Duration::ZERO,
+        };
+        let ticker = Ticker::spawn(config, move |tick| {
+            // Nobody listens at the end.
+            let _ = told.send(tick);
+            Next::Rest(1_000_000)
+        })
+        .unwrap();
+        let waker = Waker::default();
+        waker.set(&ticker);
+        let mut last: Option<Tick> = None;
+        for _ in 0..5 {
+            let tick = ticks.recv().unwrap();
+            if let Some(last) = last {
+                assert_eq!(tick.number, last.number + 1 + tick.rested + tick.given_up);
+            }
+            last = Some(tick);
+            waker.wake();
+        }
+    }
 
     #[test]
     fn a_shift_changes_the_rate_by_a_thousandth_at_most() {

@@ -29,7 +29,7 @@ use teleclay_tests::client::Client;
 use teleclay_tests::stage::{DEMO, Ports};
 use teleclay_tests::watcher::Watcher;
 
-/// The threads whose allocations count, by the name that the system knows them by.
+/// The threads whose allocations count, by how the name begins that the system knows them by.
 const TICKING: [&[u8]; 2] = [b"teleclay-loop", b"handle-tick"];
 /// Ticks that are counted.
 const STEADY_TICKS: u64 = 5000;
@@ -78,7 +78,7 @@ fn ticking_thread() -> Option<usize> {
     let length = name.iter().position(|&byte| byte == 0)?;
     TICKING
         .iter()
-        .position(|ticking| *ticking == &name[..length])
+        .position(|ticking| name[..length].starts_with(ticking))
 }
 
 // SAFETY: every call goes to the system's allocator as it came; counting touches no memory of the caller's.
@@ -122,6 +122,8 @@ fn settings(ports: Ports, data_dir: std::path::PathBuf) -> Settings {
         allow_origins: Vec::new(),
         scheduling: Scheduling::Normal,
         spin: Duration::ZERO,
+        tick_threads: 2,
+        tick_budget: 0.6,
         log_format: LogFormat::default(),
     }
 }
@@ -246,6 +248,26 @@ async fn neither_a_steady_tick_nor_a_change_allocates_at_either_end() {
     println!("{ticks} ticks with ten changes and ten fresh blocks: {changing:?}");
     assert_eq!(changed.clay.epoch, after.clay.epoch + 10);
     assert_eq!(changing, [0, 0], "changes, allocations of {TICKING:?}");
+
+    // From thread to thread and back, while the hand cuts.
+    let demo = SessionId::new(DEMO).unwrap();
+    let (moved, moving) = counted(async {
+        for thread in [1, 0, 1, 0, 1] {
+            server.directory().move_to(&demo, thread).await.unwrap();
+            call(&client, |client| client.let_pass(DEMO, 200)).await;
+        }
+        session_when(&client, "its new thread", |session| {
+            session.control_loop.thread == 1
+        })
+        .await
+    })
+    .await;
+    assert!(
+        changed.clay.removed_units != moved.clay.removed_units
+            && moved.tools.iter().any(|tool| tool.connected),
+        "the hand went on"
+    );
+    assert_eq!(moving, [0, 0], "moves, allocations of {TICKING:?}");
 
     // Somebody comes and goes. The newcomer's own thread takes memory where it begins; the server's may not.
     let (bob, [joining, _]) = counted(async {

@@ -123,6 +123,13 @@ const storage = v.object({
   reason: v.nullable(v.string()),
 }) satisfies Check<"StorageReport">;
 
+const tickQuantiles = v.object({
+  p50: v.number(),
+  p99: v.number(),
+  p999: v.number(),
+  max: v.number(),
+}) satisfies Check<"TickQuantiles">;
+
 export const sessionSchema: v.GenericSchema<unknown, Session> = v.object({
   id: v.string(),
   revision: v.number(),
@@ -156,7 +163,10 @@ export const sessionSchema: v.GenericSchema<unknown, Session> = v.object({
     rate_hz: v.number(),
     ticks: v.number(),
     late_ticks: v.number(),
-    tick_s: v.object({ p50: v.number(), p99: v.number(), p999: v.number(), max: v.number() }),
+    tick_s: tickQuantiles,
+    thread: v.number(),
+    own_tick_s: tickQuantiles,
+    budget_share: v.number(),
     rtt_s: quantiles,
     age_s: quantiles,
     lost: v.number(),

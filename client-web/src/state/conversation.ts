@@ -70,7 +70,7 @@ const SETTLE_MS = 2000;
 /** A first join is tried so often where the server is busy. */
 const MOST_TRIES = 8;
 /** What says no for now. Under a lost lease the tool itself is held by it for a while. */
-const PASSING: readonly string[] = ["busy", "no_free_tool", "reserved", "shutting_down", "no_such_session"];
+const PASSING: readonly string[] = ["busy", "no_tick_time", "no_free_tool", "reserved", "shutting_down", "no_such_session"];
 
 export class Conversation {
   readonly #platform: Platform;

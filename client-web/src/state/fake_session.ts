@@ -31,7 +31,8 @@ export function fakeSession(change: Partial<Session> = {}): Session {
     coordination_m: 0,
     storage: { state: "durable", durable_revision: 0, bytes: 0, reason: null },
     loop: {
-      rate_hz: 1000, ticks: 0, late_ticks: 0, tick_s: { p50: 0, p99: 0, p999: 0, max: 0 }, rtt_s: { p50: 0, p99: 0 },
+      rate_hz: 1000, ticks: 0, late_ticks: 0, tick_s: { p50: 0, p99: 0, p999: 0, max: 0 },
+      thread: 0, own_tick_s: { p50: 0, p99: 0, p999: 0, max: 0 }, budget_share: 0, rtt_s: { p50: 0, p99: 0 },
       age_s: { p50: 0, p99: 0 }, lost: 0, duplicates: 0, reordered: 0, unheard: 0, packets_up_per_s: 1000, packets_down_per_s: 1000,
       energy_j: 0, scheduler: "SCHED_OTHER",
     },

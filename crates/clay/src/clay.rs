@@ -439,6 +439,12 @@ impl Clay {
     pub fn commit_ahead(&mut self) {
         self.field.commit_ahead(2);
     }
+
+    /// Whether [`commit_ahead`](Self::commit_ahead) has nothing to do until the clay changes.
+    #[must_use]
+    pub fn is_committed_ahead(&self) -> bool {
+        self.field.is_committed_ahead()
+    }
 }
 
 /// The first voxel of a brick that has clay although it lies outside the grid.

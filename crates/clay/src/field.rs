@@ -357,6 +357,14 @@ impl Field {
         self.uncommitted_from = end as u32;
     }
 
+    /// Whether that is done.
+    pub(crate) fn is_committed_ahead(&self) -> bool {
+        let slots = self.slab.len() / BRICK_VOXELS;
+        let first = self.uncommitted_from.max(self.unused_from);
+        let ready = self.free.len() + (first - self.unused_from) as usize;
+        SLOTS_READY <= ready || slots <= first as usize
+    }
+
     fn release(&mut self, brick: usize) {
         if let Brick::Slot(slot) = self.bricks[brick] {
             self.free.push(slot);

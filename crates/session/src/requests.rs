@@ -36,6 +36,10 @@ impl Requests {
             .map(|request| &request.operator)
     }
 
+    pub(crate) fn is_empty(&self) -> bool {
+        self.asking == 0
+    }
+
     pub(crate) fn is_full(&self) -> bool {
         MAX_REQUESTS <= self.asking
     }

@@ -55,7 +55,7 @@ pub struct SessionSetup {
 /// Its methods are of four kinds, and are meant to be called in this order, tick by tick:
 ///
 /// 1. `handle_*` takes in what comes from outside: [`handle_command`](Self::handle_command), [`handle_frame`](Self::handle_frame).
-/// 2. [`tick`](Self::tick) lets a millisecond pass.
+/// 2. [`tick`](Self::tick) lets a millisecond pass; [`rest`](Self::rest) lets many, where nothing happens in them.
 /// 3. `poll_*` gives what is to go out, until each gives nothing more: [`poll_transmit`](Self::poll_transmit), then
 ///    [`poll_event`](Self::poll_event), then [`poll_retired`](Self::poll_retired).
 /// 4. Everything else is a getter and changes nothing. [`snapshot`](Self::snapshot) allocates; the rest does not.
@@ -259,6 +259,28 @@ impl Session {
             self.follow_holder(number);
             self.forget_old(number);
         }
+        self.next_to_transmit = 0;
+    }
+
+    /// Whether nothing happens in any further tick, until a command comes: nobody holds a tool, no tool is kept for
+    /// anybody, nothing is to be taken away, and the clay is ready for whoever comes.
+    pub fn is_at_rest(&self) -> bool {
+        self.events.is_empty()
+            && self.retired.is_empty()
+            && self.slots.iter().all(ToolSlot::is_at_rest)
+            && self.clay.is_committed_ahead()
+    }
+
+    /// Lets ticks pass of a session that is [at rest](Self::is_at_rest), the last of them at `now`. It is then as it
+    /// would be after as many calls of [`tick`](Self::tick), to the last bit, and has taken the time of none.
+    pub fn rest(&mut self, now: Timestamp, ticks: u64) {
+        debug_assert!(self.is_at_rest(), "something would happen in these ticks");
+        if ticks == 0 {
+            return;
+        }
+        self.now = now;
+        self.ticks += ticks;
+        self.made.clear();
         self.next_to_transmit = 0;
     }
 

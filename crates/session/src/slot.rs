@@ -118,6 +118,15 @@ impl ToolSlot {
         self.undurable.clear();
     }
 
+    /// Whether it stays as it is, however long nobody does anything.
+    pub(crate) fn is_at_rest(&self) -> bool {
+        self.holder.is_none()
+            && self.reserved.is_none()
+            && self.requests.is_empty()
+            && self.up.in_flight() == 0
+            && self.down.in_flight() == 0
+    }
+
     pub(crate) fn side(&self) -> Option<&ToolSide> {
         self.holder.as_ref().map(|holder| &*holder.side)
     }

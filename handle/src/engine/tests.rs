@@ -33,8 +33,10 @@ const TICK_S: f64 = 1e-3;
 const TICK: Duration = Duration::from_millis(1);
 const IN_TIME: Tick = Tick {
     number: 0,
+    deadline_ns: 0,
     lateness: Duration::ZERO,
     given_up: 0,
+    rested: 0,
 };
 
 fn granted(lease: u32) -> Granted {

@@ -295,14 +295,22 @@ pub struct CorrectionsState {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LoopState {
-    /// Ticks per second, counted over the last second or two; the loop aims at 1000.
+    /// Ticks per second of the session's thread, counted over the last second or two; the loop aims at 1000. Ticks in
+    /// which nothing could happen, since nobody held a tool, count whether or not they were made one by one.
     pub rate_hz: f64,
     /// Ticks since the session began.
     pub ticks: u64,
-    /// Ticks of the server's loop that started more than a whole tick after their time, since the server started.
+    /// Ticks of the session that started more than a whole tick after their time, since the server runs it.
     pub late_ticks: u64,
-    /// What a tick of all sessions together takes to compute, s.
+    /// What a tick of all sessions on the same thread together takes to compute, s.
     pub tick_s: TickQuantiles,
+    /// The server's tick thread that the session lives on, from 0. Sessions move from thread to thread as their costs
+    /// have it; hands feel nothing of it.
+    pub thread: u32,
+    /// What a tick of this session alone takes of its processor, s; of every fifth tick, and of none while it rests.
+    pub own_tick_s: TickQuantiles,
+    /// The 99th percentile of that, in parts of what all sessions on a thread may take of a tick.
+    pub budget_share: f64,
     /// Round trip, s.
     pub rtt_s: Quantiles,
     /// Age of the newest frame whenever a tick used it, s.

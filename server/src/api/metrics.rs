@@ -18,6 +18,7 @@ use utoipa_axum::routes;
 
 use super::openapi::refusals;
 use super::{Api, MAX_WATCHERS};
+use crate::directory::ThreadReport;
 
 /// The media type that Prometheus asks for.
 const MEDIA_TYPE: &str = "text/plain; version=0.0.4; charset=utf-8";
@@ -43,14 +44,15 @@ async fn metrics(State(api): State<Api>) -> impl IntoResponse {
 
 fn render(api: &Api) -> String {
     let recorder = PrometheusBuilder::new().build_recorder();
-    let sessions = api.directory().sessions();
+    let (sessions, threads) = (api.directory().sessions(), api.directory().threads());
     with_local_recorder(&recorder, || {
         describe();
         write_server(api);
+        write_threads(&threads);
         sessions.iter().for_each(write_session);
     });
     let mut text = recorder.handle().render();
-    write_lateness(&api.directory().lateness(), &mut text);
+    write_lateness(&threads, &mut text);
     write_summaries(&sessions, &mut text);
     text
 }
@@ -78,15 +80,31 @@ fn write_summaries(sessions: &[Session], text: &mut String) {
     }
 }
 
-fn write_lateness(quantiles: &TickQuantiles, text: &mut String) {
+fn write_lateness(threads: &[ThreadReport], text: &mut String) {
     const NAME: &str = "teleclay_lateness_seconds";
-    const MEANING: &str = "How long after its time a tick started, over the last 5 to 10 seconds; quantile 1 is the greatest";
+    const MEANING: &str = "How long after its time a tick of a thread started, over the last 5 to 10 seconds; quantile 1 is the greatest";
     // Writing to a String cannot fail.
     let _ = write!(text, "# HELP {NAME} {MEANING}\n# TYPE {NAME} summary\n");
-    for (quantile, value) in tick_quantiles(quantiles) {
-        let _ = writeln!(text, "{NAME}{{quantile=\"{quantile}\"}} {value}");
+    for (thread, report) in threads.iter().enumerate() {
+        for (quantile, value) in tick_quantiles(&report.lateness) {
+            let _ = writeln!(
+                text,
+                "{NAME}{{thread=\"{thread}\",quantile=\"{quantile}\"}} {value}"
+            );
+        }
     }
     text.push('\n');
+}
+
+/// There are as many labels as threads, eight at most.
+fn write_threads(threads: &[ThreadReport]) {
+    for (thread, report) in threads.iter().enumerate() {
+        let labels = || [("thread", thread.to_string())];
+        gauge!("teleclay_thread_load_ratio", &labels()).set(report.load);
+        gauge!("teleclay_thread_sessions", &labels()).set(report.sessions as f64);
+        gauge!("teleclay_thread_rate_hertz", &labels()).set(report.rate_hz);
+        counter!("teleclay_thread_late_ticks_total", &labels()).absolute(report.late_ticks);
+    }
 }
 
 fn tick_quantiles(of: &TickQuantiles) -> Vec<(&'static str, f64)> {
@@ -105,11 +123,16 @@ type Summary = (
 );
 
 /// Name, meaning and quantiles of each summary.
-const SUMMARIES: [Summary; 3] = [
+const SUMMARIES: [Summary; 4] = [
     (
         "teleclay_tick_seconds",
-        "What a tick of all sessions takes to compute, over the last 5 to 10 seconds; quantile 1 is the greatest",
+        "What a tick of all sessions on the session's thread takes to compute, over the last 5 to 10 seconds; quantile 1 is the greatest",
         |state| tick_quantiles(&state.tick_s),
+    ),
+    (
+        "teleclay_session_tick_seconds",
+        "What a tick of the session alone takes of its processor, over the last 5 to 10 seconds; quantile 1 is the greatest",
+        |state| tick_quantiles(&state.own_tick_s),
     ),
     (
         "teleclay_rtt_seconds",
@@ -139,6 +162,9 @@ fn write_server(api: &Api) {
     gauge!("teleclay_ready").set(one_if(readiness.ready));
     gauge!("teleclay_loop_running").set(one_if(readiness.loop_running));
     gauge!("teleclay_zenoh_up").set(one_if(readiness.zenoh_up));
+
+    let refusals = api.directory().tick_time_refusals();
+    counter!("teleclay_tick_time_refusals_total").absolute(refusals);
 
     let counts = api.metrics();
     for (answered, count) in counts.answered() {
@@ -204,6 +230,8 @@ fn write_session(session: &Session) {
 
     let control_loop = &session.control_loop;
     gauge!("teleclay_loop_rate_hertz", labels()).set(control_loop.rate_hz);
+    gauge!("teleclay_session_thread", labels()).set(f64::from(control_loop.thread));
+    gauge!("teleclay_session_budget_ratio", labels()).set(control_loop.budget_share);
     counter!("teleclay_loop_ticks_total", labels()).absolute(control_loop.ticks);
     counter!("teleclay_loop_late_ticks_total", labels()).absolute(control_loop.late_ticks);
     counter!("teleclay_frames_lost_total", labels()).absolute(control_loop.lost);
@@ -317,7 +345,32 @@ const GAUGES: &[(&str, Unit, &str)] = &[
     (
         "teleclay_loop_rate_hertz",
         Unit::Count,
-        "Ticks per second, counted over the last second or two",
+        "Ticks per second of the session's thread, counted over the last second or two",
+    ),
+    (
+        "teleclay_session_thread",
+        Unit::Count,
+        "The tick thread that the session lives on, from 0",
+    ),
+    (
+        "teleclay_session_budget_ratio",
+        Unit::Count,
+        "99th percentile of what the session's ticks take, in parts of what all sessions on a thread may take",
+    ),
+    (
+        "teleclay_thread_load_ratio",
+        Unit::Count,
+        "What the sessions of a tick thread take together, in parts of what they may take; above 1 nobody else gets a tool there",
+    ),
+    (
+        "teleclay_thread_sessions",
+        Unit::Count,
+        "Sessions that live on a tick thread",
+    ),
+    (
+        "teleclay_thread_rate_hertz",
+        Unit::Count,
+        "Ticks per second of a tick thread, counted over the last second or two, those that it slept through included",
     ),
     (
         "teleclay_packets_per_second",
@@ -369,7 +422,15 @@ const COUNTERS: &[(&str, &str)] = &[
     ("teleclay_loop_ticks_total", "Ticks since the session began"),
     (
         "teleclay_loop_late_ticks_total",
-        "Ticks of the server's loop that started more than a whole tick late",
+        "Ticks of the session that started more than a whole tick late",
+    ),
+    (
+        "teleclay_thread_late_ticks_total",
+        "Ticks of a tick thread that started more than a whole tick late",
+    ),
+    (
+        "teleclay_tick_time_refusals_total",
+        "Sessions and joins that were refused since there is no time for them",
     ),
     (
         "teleclay_frames_lost_total",

@@ -133,6 +133,8 @@ kinds! {
         "The loop does not run or Zenoh is not up; the detail says which.";
     UNAVAILABLE = SERVICE_UNAVAILABLE "unavailable", "the server cannot do that now",
         "The detail says why. Try again later.";
+    NO_TICK_TIME = SERVICE_UNAVAILABLE "no_tick_time", "there is no time for another session",
+        "Its ticks would make those of others late; the detail says what it would take of a tick and what is free. Somebody has to let go of a tool first, or the server needs more threads: --tick-threads, --tick-budget.";
     NO_ANSWER = SERVICE_UNAVAILABLE "no-answer", "the answer did not come in time",
         "The server is overloaded, or the loop has stopped. Whether the change was made is not known.";
     TOO_MANY_WATCHERS = SERVICE_UNAVAILABLE "too-many-watchers", "there are as many watchers as there may be",

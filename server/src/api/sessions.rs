@@ -16,7 +16,7 @@ use super::body::{Checked, Found, Named, no_such_session};
 use super::openapi::refusals;
 use super::problem::{
     CLAY_MEMORY, CONTROL, FIELD, Failure, MEDIA_TYPE, NO_ANSWER, NO_SUCH_SESSION, NO_SUCH_TOOL,
-    NOT_STOPPED, PATH, SESSION_DAMAGED, SESSION_EXISTS, SLOW_BODY, SYNTAX, TOO_LARGE,
+    NO_TICK_TIME, NOT_STOPPED, PATH, SESSION_DAMAGED, SESSION_EXISTS, SLOW_BODY, SYNTAX, TOO_LARGE,
     TOO_MANY_SESSIONS, UNAVAILABLE,
 };
 use super::{Api, see_through};
@@ -59,8 +59,8 @@ pub(crate) fn change_failure(error: ChangeError, id: &SessionId) -> Failure {
 }
 
 refusals!(ListRefusals:);
-refusals!(CreateRefusals: SYNTAX, SLOW_BODY, SESSION_EXISTS, TOO_MANY_SESSIONS, CLAY_MEMORY, TOO_LARGE, MEDIA_TYPE, FIELD, UNAVAILABLE);
-refusals!(DuplicateRefusals: SYNTAX, PATH, NO_SUCH_SESSION, SLOW_BODY, SESSION_DAMAGED, SESSION_EXISTS, TOO_MANY_SESSIONS, CLAY_MEMORY, TOO_LARGE, MEDIA_TYPE, FIELD, UNAVAILABLE);
+refusals!(CreateRefusals: SYNTAX, SLOW_BODY, SESSION_EXISTS, TOO_MANY_SESSIONS, CLAY_MEMORY, TOO_LARGE, MEDIA_TYPE, FIELD, UNAVAILABLE, NO_TICK_TIME);
+refusals!(DuplicateRefusals: SYNTAX, PATH, NO_SUCH_SESSION, SLOW_BODY, SESSION_DAMAGED, SESSION_EXISTS, TOO_MANY_SESSIONS, CLAY_MEMORY, TOO_LARGE, MEDIA_TYPE, FIELD, UNAVAILABLE, NO_TICK_TIME);
 refusals!(FindRefusals: PATH, NO_SUCH_SESSION, SESSION_DAMAGED);
 refusals!(DeleteRefusals: PATH, NO_SUCH_SESSION);
 refusals!(ChangeRefusals: SYNTAX, PATH, NO_SUCH_SESSION, SLOW_BODY, SESSION_DAMAGED, CLAY_MEMORY, TOO_LARGE, MEDIA_TYPE, FIELD, NO_ANSWER);
@@ -122,6 +122,7 @@ fn create_failure(error: CreateError) -> Failure {
         }
         CreateError::Field(error) => error.into(),
         CreateError::NoMemory(error) => CLAY_MEMORY.because(error.to_string()),
+        CreateError::NoTickTime(error) => NO_TICK_TIME.because(error.to_string()),
         CreateError::Unavailable { reason } => UNAVAILABLE.because(reason),
     }
 }

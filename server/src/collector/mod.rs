@@ -14,31 +14,37 @@ use std::time::{Duration, Instant};
 
 use rtrb::Consumer;
 use teleclay_clay::{BrickView, Clay};
-use teleclay_session::Event;
 use teleclay_shell::realtime::Timing;
 
-use crate::engine::{Answer, BrickContent, BrickUpdate, Done, Order, SessionRecord, Task};
+use crate::engine::{Answer, BrickContent, BrickUpdate, Done, Order, Task, Told};
 use crate::session::SessionShared;
 use crate::statistics::{LoopStats, Rate};
 
 /// How often the rings are emptied, where nothing is to be answered meanwhile.
 const ROUND: Duration = Duration::from_millis(10);
+/// The same while every session rests: as often as they are brought up to date.
+const ROUND_AT_REST: Duration = Duration::from_millis(50);
 
 /// What the collector is told.
 pub(crate) enum Notice {
-    /// A session was added; its bricks come out of this ring.
-    Added(Arc<SessionShared>, Consumer<BrickUpdate>),
+    /// A session was added; what it tells comes out of these rings.
+    Added(Arc<SessionShared>, Told),
     /// A session is gone.
     Removed(u32),
 }
 
-/// The rings that the collector empties.
+/// The rings that the collector empties, beside those of each session.
 pub(crate) struct Sources {
-    pub(crate) timings: Consumer<Timing>,
-    pub(crate) sessions: Consumer<SessionRecord>,
-    pub(crate) events: Consumer<(u32, Event)>,
-    pub(crate) done: Consumer<Done>,
+    pub(crate) threads: Vec<FromThread>,
     pub(crate) notices: Receiver<Notice>,
+}
+
+/// What one thread leaves.
+pub(crate) struct FromThread {
+    pub(crate) timings: Consumer<Timing>,
+    pub(crate) done: Consumer<Done>,
+    /// What is made of its timings.
+    pub(crate) stats: Arc<Mutex<LoopStats>>,
 }
 
 /// The running collector.
@@ -77,8 +83,11 @@ impl Collector {
                     return;
                 };
                 while !asked_to_stop.load(Ordering::Relaxed) {
-                    state.round();
-                    std::thread::park_timeout(ROUND);
+                    let nap = match state.round() {
+                        Seen::Motion => ROUND,
+                        Seen::Rest => ROUND_AT_REST,
+                    };
+                    std::thread::park_timeout(nap);
                 }
             })?;
         let thread = Some(thread);
@@ -97,9 +106,9 @@ impl Waiting {
     }
 
     /// Lets the thread begin.
-    pub(crate) fn start(self, sources: Sources, loop_stats: Arc<Mutex<LoopStats>>) -> Collector {
+    pub(crate) fn start(self, sources: Sources) -> Collector {
         // The thread waits for it.
-        let _ = self.start.send(State::new(sources, loop_stats));
+        let _ = self.start.send(State::new(sources));
         self.collector
     }
 }
@@ -111,15 +120,29 @@ pub(crate) fn notify(notices: &Sender<Notice>, notice: Notice) {
 
 struct Watched {
     shared: Arc<SessionShared>,
-    bricks: Consumer<BrickUpdate>,
+    told: Told,
+}
+
+/// What a round has come upon.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Seen {
+    /// Some thread has made ticks, or something waits to be answered.
+    Motion,
+    /// The threads sleep, all that told something.
+    Rest,
+}
+
+/// A thread, with the rate of its ticks.
+struct Looped {
+    from: FromThread,
+    rate: Rate,
+    ticks: u64,
 }
 
 struct State {
-    sources: Sources,
-    loop_stats: Arc<Mutex<LoopStats>>,
+    threads: Vec<Looped>,
+    notices: Receiver<Notice>,
     watched: Vec<Watched>,
-    tick_rate: Rate,
-    ticks: u64,
     /// Orders that were carried out and are not answered yet.
     #[expect(
         clippy::vec_box,
@@ -129,75 +152,56 @@ struct State {
 }
 
 impl State {
-    fn new(sources: Sources, loop_stats: Arc<Mutex<LoopStats>>) -> Self {
-        Self {
-            sources,
-            loop_stats,
-            watched: Vec::new(),
-            tick_rate: Rate::new(Instant::now()),
+    fn new(sources: Sources) -> Self {
+        let threads = sources.threads.into_iter().map(|from| Looped {
+            from,
+            rate: Rate::new(Instant::now()),
             ticks: 0,
+        });
+        Self {
+            threads: threads.collect(),
+            notices: sources.notices,
+            watched: Vec::new(),
             unanswered: Vec::new(),
         }
     }
 
-    fn round(&mut self) {
-        while let Ok(notice) = self.sources.notices.try_recv() {
+    fn round(&mut self) -> Seen {
+        while let Ok(notice) = self.notices.try_recv() {
             match notice {
-                Notice::Added(shared, bricks) => self.watched.push(Watched { shared, bricks }),
+                Notice::Added(shared, told) => self.watched.push(Watched { shared, told }),
                 Notice::Removed(number) => self
                     .watched
                     .retain(|watched| watched.shared.number != number),
             }
         }
         // Before the events: what these tell of an order was told before it was done.
-        while let Ok(done) = self.sources.done.pop() {
-            if let Done::Order(order) = done {
-                self.unanswered.push(order);
+        for thread in &mut self.threads {
+            while let Ok(done) = thread.from.done.pop() {
+                if let Done::Order(order) = done {
+                    self.unanswered.push(order);
+                }
             }
         }
         let now = Instant::now();
-        self.take_timings(now);
-        self.take_events();
-        self.take_sessions(now);
+        let mut seen = Seen::Rest;
+        for thread in &mut self.threads {
+            if thread.take_timings(now) == Seen::Motion {
+                seen = Seen::Motion;
+            }
+        }
+        for watched in &mut self.watched {
+            watched.take_events();
+            watched.take_records(now);
+        }
         self.answer_orders();
         for watched in &mut self.watched {
             take_bricks(watched);
         }
-    }
-
-    fn take_timings(&mut self, now: Instant) {
-        let mut stats = self.loop_stats.lock().expect("no holder panics");
-        stats.work.turn(now);
-        stats.lateness.turn(now);
-        while let Ok(timing) = self.sources.timings.pop() {
-            self.ticks += 1;
-            stats.add(&timing, now);
-        }
-        self.tick_rate.turn(now, self.ticks);
-        stats.rate_hz = self.tick_rate.per_s;
-    }
-
-    fn take_events(&mut self) {
-        while let Ok((number, event)) = self.sources.events.pop() {
-            if let Some(shared) = find(&self.watched, number) {
-                shared.take_in(&event);
-            }
-        }
-    }
-
-    fn take_sessions(&mut self, now: Instant) {
-        while let Ok(record) = self.sources.sessions.pop() {
-            let Some(shared) = find(&self.watched, record.session) else {
-                continue;
-            };
-            shared.has_come_to(record.ticks);
-            let before = shared.last_record();
-            samples::publish(shared, &before, &record);
-            shared
-                .stats
-                .lock()
-                .expect("no holder panics")
-                .add(record, now);
+        if self.unanswered.is_empty() {
+            seen
+        } else {
+            Seen::Motion
         }
     }
 
@@ -227,6 +231,46 @@ impl State {
     }
 }
 
+impl Looped {
+    fn take_timings(&mut self, now: Instant) -> Seen {
+        let mut seen = Seen::Rest;
+        let mut stats = self.from.stats.lock().expect("no holder panics");
+        stats.turn(now);
+        while let Ok(timing) = self.from.timings.pop() {
+            self.ticks += 1 + timing.rested;
+            if timing.rested == 0 {
+                seen = Seen::Motion;
+            }
+            stats.add(&timing, now);
+        }
+        self.rate.turn(now, self.ticks);
+        stats.rate_hz = self.rate.per_s;
+        seen
+    }
+}
+
+impl Watched {
+    fn take_events(&mut self) {
+        while let Ok(event) = self.told.events.pop() {
+            self.shared.take_in(&event);
+        }
+    }
+
+    fn take_records(&mut self, now: Instant) {
+        let shared = &self.shared;
+        while let Ok(record) = self.told.records.pop() {
+            shared.has_come_to(record.ticks);
+            let before = shared.last_record();
+            samples::publish(shared, &before, &record);
+            shared
+                .stats
+                .lock()
+                .expect("no holder panics")
+                .add(record, now);
+        }
+    }
+}
+
 fn find(watched: &[Watched], number: u32) -> Option<&Arc<SessionShared>> {
     watched
         .iter()
@@ -236,11 +280,12 @@ fn find(watched: &[Watched], number: u32) -> Option<&Arc<SessionShared>> {
 
 /// Bricks of a block that the mirror does not show yet wait in their ring.
 fn take_bricks(watched: &mut Watched) {
-    if watched.bricks.is_empty() {
+    let bricks = &mut watched.told.bricks;
+    if bricks.is_empty() {
         return;
     }
     let mut mirror = watched.shared.mirror.lock().expect("no holder panics");
-    while let Ok(update) = watched.bricks.peek() {
+    while let Ok(update) = bricks.peek() {
         if mirror.epoch < update.clay_epoch {
             return;
         }
@@ -248,7 +293,7 @@ fn take_bricks(watched: &mut Watched) {
             replace(&mut mirror.clay, update);
         }
         // It was there a moment ago, and nobody else takes from this ring.
-        let _ = watched.bricks.pop();
+        let _ = bricks.pop();
     }
 }
 

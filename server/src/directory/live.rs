@@ -18,7 +18,7 @@ use super::orders::{ChangeError, ORDER_TIMEOUT};
 use crate::doors::{Channels, LeaseChannel};
 use crate::engine::{Mirror, TICK};
 use crate::session::{Event, Sample, SessionShared, tool_id};
-use crate::state;
+use crate::state::{self, ThreadState};
 use crate::statistics::LoopStats;
 
 /// Settings change once in a while for reasons of the session's own; a command that was overtaken by that is prepared
@@ -39,12 +39,26 @@ impl Live {
 
     /// The session as it is.
     pub fn state(&self) -> Session {
-        let directory = self.directory.upgrade();
-        let (stats, scheduler) = directory.as_ref().map_or_else(
-            || (Arc::new(Mutex::new(LoopStats::default())), "gone"),
-            |inner| (Arc::clone(&inner.loop_stats), inner.scheduler()),
-        );
-        state::session(&self.shared, &stats, scheduler)
+        let shared = &self.shared;
+        match self.directory.upgrade() {
+            Some(inner) => {
+                let (threads, thread) = (&inner.threads, shared.thread());
+                let found = ThreadState {
+                    stats: threads.stats(thread),
+                    scheduler: threads.scheduler(thread),
+                    budget_s: threads.budget_s(),
+                };
+                state::session(shared, &found)
+            }
+            None => state::session(
+                shared,
+                &ThreadState {
+                    stats: &Mutex::new(LoopStats::default()),
+                    scheduler: "gone",
+                    budget_s: TICK.as_secs_f64(),
+                },
+            ),
+        }
     }
 
     /// Changes what is in the patch, all of it in one tick.
@@ -111,8 +125,18 @@ impl Live {
     pub(super) async fn grant(
         &self,
         request: &JoinRequest,
-        inner: &Inner,
+        inner: &Arc<Inner>,
     ) -> Result<Granted, NotGranted> {
+        // Whoever has a tool already, and has lost its line, takes no more than before.
+        let _kept = if self.holders().contains(&request.operator) {
+            None
+        } else {
+            let found = inner.find_time(self).await.map_err(|error| {
+                let reason = format!("session `{}`: {error}", self.shared.id);
+                NotGranted::because(RefusalCode::NoTickTime, reason)
+            });
+            Some(found?)
+        };
         let operator = Operator {
             name: request.operator.clone(),
             device: request.device.clone(),
@@ -253,8 +277,7 @@ impl Live {
         if !self.is_there() {
             return Err(ChangeError::Gone);
         }
-        let number = self.shared.number;
-        inner.orders.command(number, prepared, mirror).await
+        inner.command(&self.shared, prepared, mirror).await
     }
 
     /// How many voxels its block has, clay or air.

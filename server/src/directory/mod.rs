@@ -9,6 +9,7 @@ mod not_granted;
 mod orders;
 mod recording;
 mod room;
+mod threads;
 
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
@@ -16,13 +17,12 @@ use std::sync::mpsc::Sender;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-use rtrb::Producer;
 use teleclay_clay::Clay;
 use teleclay_keeping::{Archive, Home, HomeError, Keeper};
 use teleclay_link::time::Timestamp;
 use teleclay_proto::http::{
     DamagedSession, DamagedState, FieldError, ListedSession, NewSession, Readiness,
-    Session as SessionJson, StorageReport, StorageState, TickQuantiles,
+    Session as SessionJson, StorageReport, StorageState,
 };
 use teleclay_proto::watch::Level;
 use teleclay_proto::{NodeName, SessionId};
@@ -31,12 +31,13 @@ use teleclay_session::{Rules, Session, SessionSetup, Settings};
 use teleclay_shell::Clock;
 use tokio::sync::mpsc::{UnboundedReceiver, UnboundedSender, unbounded_channel};
 use tokio::sync::watch;
+use tokio::time::timeout;
 
 use crate::collector::{Notice, notify};
 use crate::doors::Doors;
-use crate::engine::{Answer, FramesIn, Order, Running, Task};
+use crate::engine::{Answer, FramesIn, Running, Task};
+use crate::placing::{Budget, NoTickTime};
 use crate::session::{Departure, SessionShared};
-use crate::statistics::LoopStats;
 
 pub(crate) use joining::SocketGrant;
 pub use kept::{ImportError, PastFailure};
@@ -45,11 +46,14 @@ pub(crate) use manners::Control;
 pub(crate) use not_granted::NotGranted;
 pub use orders::{ChangeError, NoMemory};
 pub use recording::RecordingFailure;
+pub(crate) use threads::ThreadParts;
+pub use threads::ThreadReport;
 
-use orders::Orders;
+use orders::ORDER_TIMEOUT;
 use room::find_room;
+use threads::Threads;
 
-/// The loop is called running when it ticked within this time.
+/// The loop is called running when each of its threads ticked within this time.
 const LOOP_ALIVE: Duration = Duration::from_secs(1);
 
 /// Why a session was not made.
@@ -70,6 +74,9 @@ pub enum CreateError {
     /// Its clay does not fit beside that of the others.
     #[error(transparent)]
     NoMemory(NoMemory),
+    /// There is no time to run it beside the others.
+    #[error(transparent)]
+    NoTickTime(NoTickTime),
     /// A field cannot be.
     #[error("{}: {}", .0.pointer, .0.detail)]
     Field(FieldError),
@@ -96,10 +103,8 @@ struct Inner {
     damaged: Mutex<HashMap<SessionId, DamagedSession>>,
     /// Counts the sessions that came and went.
     changes: watch::Sender<u64>,
-    orders: Orders,
-    loop_stats: Arc<Mutex<LoopStats>>,
+    threads: Threads,
     notices: Sender<Notice>,
-    scheduler: std::sync::OnceLock<String>,
     zenoh_is_up: AtomicBool,
     next_number: AtomicU32,
     first_lease: u32,
@@ -122,8 +127,10 @@ struct Entry {
 
 /// What the directory is made of.
 pub(crate) struct Parts {
-    pub(crate) orders: Producer<Box<Order>>,
-    pub(crate) loop_stats: Arc<Mutex<LoopStats>>,
+    /// One for each tick thread.
+    pub(crate) threads: Vec<ThreadParts>,
+    /// What sessions may take of a tick.
+    pub(crate) budget: Budget,
     pub(crate) notices: Sender<Notice>,
     pub(crate) node: NodeName,
     pub(crate) doors: Arc<Doors>,
@@ -147,10 +154,8 @@ impl Directory {
             sessions: Mutex::new(HashMap::new()),
             damaged: Mutex::new(HashMap::new()),
             changes: watch::Sender::new(0),
-            orders: Orders::new(parts.orders),
-            loop_stats: parts.loop_stats,
+            threads: Threads::new(parts.threads, parts.budget),
             notices: parts.notices,
-            scheduler: std::sync::OnceLock::new(),
             zenoh_is_up: AtomicBool::new(false),
             next_number: AtomicU32::new(1),
             first_lease,
@@ -166,10 +171,9 @@ impl Directory {
         }))
     }
 
-    /// What the scheduler granted the loop, once known.
-    pub(crate) fn set_scheduler(&self, words: &str) {
-        // Set once, by main.
-        let _ = self.0.scheduler.set(words.to_owned());
+    /// What the scheduler granted a tick thread, once known.
+    pub(crate) fn set_scheduler(&self, thread: usize, words: &str) {
+        self.0.threads.set_scheduler(thread, words);
     }
 
     pub(crate) fn set_zenoh_up(&self) {
@@ -224,10 +228,11 @@ impl Directory {
         self.0.find_room(&new.id)?;
         let settings = Settings::new(new).map_err(CreateError::Field)?;
         self.0.find_memory(&settings)?;
+        let thread = self.find_thread()?;
         let (home, first_lease) = (self.0.home.clone(), self.0.first_lease);
         // A large block takes seconds.
         let built = tokio::task::spawn_blocking(move || begin(settings, None, home, first_lease));
-        self.add(built.await.map_err(unavailable)??).await
+        self.add(built.await.map_err(unavailable)??, thread).await
     }
 
     /// Makes a session with the clay and the settings of another one, and a history of its own.
@@ -240,13 +245,19 @@ impl Directory {
         settings.spec.id = id;
         settings.revision = 0;
         self.0.find_memory(&settings)?;
+        let thread = self.find_thread()?;
         let (home, first_lease) = (self.0.home.clone(), self.0.first_lease);
         let clay = of.clay();
         let built = tokio::task::spawn_blocking(move || {
             let clay = clay.with(|clay, _| Clay::clone(clay));
             begin(settings, Some(clay), home, first_lease)
         });
-        self.add(built.await.map_err(unavailable)??).await
+        self.add(built.await.map_err(unavailable)??, thread).await
+    }
+
+    fn find_thread(&self) -> Result<usize, CreateError> {
+        let found = self.0.find_time_for_another();
+        found.map_err(CreateError::NoTickTime)
     }
 
     /// Goes on with the sessions that an earlier server has kept. One that cannot be gone on with is set aside with its
@@ -271,7 +282,7 @@ impl Directory {
             });
             let added = match recovered.await {
                 Ok(Ok(begun)) => self
-                    .add(begun)
+                    .add(begun, self.0.place())
                     .await
                     .map(drop)
                     .map_err(|error| error.to_string()),
@@ -296,11 +307,16 @@ impl Directory {
                 }
             }
         }
+        if self.0.is_short_of_time() {
+            tracing::warn!(
+                "the sessions that go on may take more of a tick than the budget has: ticks may start late"
+            );
+        }
         Ok(())
     }
 
     /// Lets a session run.
-    async fn add(&self, begun: Begun) -> Result<SessionJson, CreateError> {
+    async fn add(&self, begun: Begun, thread: usize) -> Result<SessionJson, CreateError> {
         let Begun {
             session,
             mirror,
@@ -312,6 +328,7 @@ impl Directory {
         let snapshot = session.snapshot();
         let shared = Arc::new(SessionShared::new(
             number,
+            thread,
             snapshot,
             mirror,
             archive,
@@ -330,8 +347,12 @@ impl Directory {
                 },
             );
         }
-        notify(&self.0.notices, Notice::Added(shared, ends.bricks));
-        let added = self.0.orders.carry_out(Task::Add(Some(running))).await;
+        notify(
+            &self.0.notices,
+            Notice::Added(Arc::clone(&shared), ends.told),
+        );
+        let add = Task::Add(Some(running));
+        let added = self.0.carry_out(&shared, add).await;
         if !matches!(added, Ok(Answer::Done)) {
             self.0.entries().remove(&id);
             notify(&self.0.notices, Notice::Removed(number));
@@ -354,6 +375,9 @@ impl Directory {
             self.remove_files(id, None).await;
             return Ok(());
         }
+        let live = self.session(id).ok_or(NoSuchSession)?;
+        // It does not move from thread to thread meanwhile. A loop that does not answer keeps nobody from deleting.
+        let _stays = timeout(ORDER_TIMEOUT, live.shared.moving.read()).await;
         let entry = self.0.entries().remove(id).ok_or(NoSuchSession)?;
         let shared = &entry.live.shared;
         // Handles hear of it first: they let go at once.
@@ -365,7 +389,7 @@ impl Directory {
             session: shared.number,
             removed: None,
         };
-        let _ = self.0.orders.carry_out(remove).await;
+        let _ = self.0.threads.carry_out(shared.thread(), remove).await;
         self.remove_files(id, Some(entry.live)).await;
         Ok(())
     }
@@ -385,21 +409,9 @@ impl Directory {
         }
     }
 
-    /// How long after their time the last seconds' ticks started, s.
-    pub fn lateness(&self) -> TickQuantiles {
-        let stats = self.0.loop_stats.lock().expect("no holder panics");
-        stats.lateness.tick_quantiles()
-    }
-
-    /// Whether the loop runs and Zenoh is up.
+    /// Whether the loop runs on every thread and Zenoh is up.
     pub fn readiness(&self) -> Readiness {
-        let last = self
-            .0
-            .loop_stats
-            .lock()
-            .expect("no holder panics")
-            .last_tick;
-        let loop_running = last.is_some_and(|last| last.elapsed() < LOOP_ALIVE);
+        let loop_running = self.0.threads.have_ticked_within(LOOP_ALIVE);
         let zenoh_up = self.0.zenoh_is_up.load(Ordering::Relaxed);
         Readiness {
             ready: loop_running && zenoh_up,
@@ -449,10 +461,6 @@ impl Inner {
 
     fn damaged(&self) -> std::sync::MutexGuard<'_, HashMap<SessionId, DamagedSession>> {
         self.damaged.lock().expect("no holder panics")
-    }
-
-    fn scheduler(&self) -> &str {
-        self.scheduler.get().map_or("not known yet", String::as_str)
     }
 }
 

@@ -5,12 +5,12 @@ use std::time::{Duration, Instant};
 
 use rtrb::Producer;
 use teleclay_proto::http::FieldError;
-use teleclay_session::{Outcome, Prepared, Refusal};
+use teleclay_session::Refusal;
 use teleclay_shell::realtime::Claim;
+use teleclay_shell::ticker::Waker;
 use tokio::sync::oneshot;
 use tokio::time::timeout;
 
-use crate::engine::Mirror;
 use crate::engine::{Answer, Order, TICK, Task};
 
 /// Longest wait for the tick to carry out an order. It takes one tick; this is for a machine that is badly overloaded.
@@ -60,29 +60,18 @@ pub struct NoMemory {
     pub most_bytes: u64,
 }
 
-/// The way to the tick.
-pub(super) struct Orders(Mutex<Producer<Box<Order>>>);
+/// The way to a thread's tick.
+pub(super) struct Orders {
+    waiting: Mutex<Producer<Box<Order>>>,
+    waker: Waker,
+}
 
 impl Orders {
-    pub(super) fn new(waiting: Producer<Box<Order>>) -> Self {
-        Self(Mutex::new(waiting))
-    }
-
-    /// Has the tick carry out a command of a session. When this returns, what it changed can be seen by everybody.
-    pub(super) async fn command(
-        &self,
-        session: u32,
-        prepared: Prepared,
-        mirror: Option<Mirror>,
-    ) -> Result<Outcome, ChangeError> {
-        let task = Task::Command {
-            session,
-            prepared,
-            mirror,
-        };
-        match self.carry_out(task).await? {
-            Answer::Command(outcome) => Ok(outcome?),
-            Answer::Undone | Answer::Done => Err(ChangeError::Gone),
+    /// Orders go into this ring, and `waker` wakes the thread that may sleep over it.
+    pub(super) fn new(waiting: Producer<Box<Order>>, waker: Waker) -> Self {
+        Self {
+            waiting: Mutex::new(waiting),
+            waker,
         }
     }
 
@@ -99,7 +88,8 @@ impl Orders {
             answer: Answer::Undone,
         }));
         while let Some(waiting) = order.take() {
-            let pushed = self.0.lock().expect("no holder panics").push(waiting);
+            let pushed = self.waiting.lock().expect("no holder panics").push(waiting);
+            self.waker.wake();
             if let Err(rtrb::PushError::Full(back)) = pushed {
                 if ORDER_TIMEOUT < started.elapsed() {
                     return Err(ChangeError::Timeout);

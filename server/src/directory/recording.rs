@@ -61,7 +61,7 @@ impl Live {
             session: self.shared.number,
             tap: Some(Box::new(tap)),
         };
-        let begun = inner.orders.carry_out(task).await;
+        let begun = inner.carry_out(&self.shared, task).await;
         if matches!(begun, Ok(Answer::Done)) {
             return Ok(recording);
         }
@@ -94,7 +94,7 @@ impl Live {
                 session: self.shared.number,
                 tap: None,
             };
-            inner.orders.carry_out(task).await?;
+            inner.carry_out(&self.shared, task).await?;
         }
         self.on_shelf(move |shelf| shelf.stop(&session, &id, "it was stopped"))
             .await

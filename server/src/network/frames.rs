@@ -7,7 +7,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{JoinHandle, Thread};
 use std::time::Duration;
 
-use rtrb::Consumer;
 use teleclay_channel::{Purpose, TRAILER};
 use teleclay_proto::RealmName;
 use teleclay_proto::frame::{HandleFrame, MAX_FRAME};
@@ -22,7 +21,7 @@ use zenoh::pubsub::Subscriber;
 use super::sessions::Sessions;
 use crate::directory::{Directory, Live};
 use crate::doors::{LeaseChannel, Way};
-use crate::engine::{FramesIn, Incoming, Outgoing, TOOLS};
+use crate::engine::{FramesIn, Incoming, Leaving, Outgoing, TOOLS};
 
 /// The sender looks at least this often whether other sessions of Zenoh have taken the place of its own.
 const SENDER_NAP: Duration = Duration::from_millis(100);
@@ -36,7 +35,7 @@ pub(crate) struct Sender {
 
 /// What that thread works with.
 pub(super) struct Sending {
-    pub(super) outgoing: Consumer<Outgoing>,
+    pub(super) outgoing: Leaving,
     pub(super) sessions: watch::Receiver<Sessions>,
     pub(super) realm: RealmName,
     pub(super) directory: Directory,
@@ -45,7 +44,7 @@ pub(super) struct Sending {
 /// The same thread, with frames to put.
 pub(crate) struct FedSender {
     pub(super) sender: Sender,
-    pub(super) outgoing: Consumer<Outgoing>,
+    pub(super) outgoing: Leaving,
 }
 
 impl Sender {
@@ -71,8 +70,8 @@ impl Sender {
         self.thread.thread().clone()
     }
 
-    /// Frames come out of this ring.
-    pub(crate) fn feed(self, outgoing: Consumer<Outgoing>) -> FedSender {
+    /// Frames come out of these rings.
+    pub(crate) fn feed(self, outgoing: Leaving) -> FedSender {
         FedSender {
             sender: self,
             outgoing,

@@ -36,7 +36,10 @@ pub(crate) fn joined(stream: &mut Stream, operator: &str) -> ([u8; 64], Granted)
     })
 }
 
-fn refused(stream: &mut Stream, operator: &str) -> (RefusalCode, String, Option<String>) {
+pub(crate) fn refused(
+    stream: &mut Stream,
+    operator: &str,
+) -> (RefusalCode, String, Option<String>) {
     join(stream, operator);
     stream.until("a refusal", |text| match text {
         ServerText::Granted { .. } => panic!("{operator} got a lease"),

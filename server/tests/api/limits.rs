@@ -2,8 +2,10 @@
 
 use serde_json::json;
 use teleclay_proto::http::Session;
+use teleclay_proto::join::RefusalCode;
 
-use crate::rig::{Rig, small};
+use crate::hand::{joined, refused};
+use crate::rig::{Rig, eventually, small};
 use crate::stream::Stream;
 
 #[test]
@@ -93,4 +95,61 @@ fn clay_is_limited_and_a_refusal_says_what_is_free() {
     assert_eq!(twin.status, 201, "{twin:?}");
     let refusal = site.post("/api/v1/sessions/s1/duplicate", &json!({ "id": "more" }));
     assert_eq!((refusal.status, &*refusal.word()), (409, "clay-memory"));
+}
+
+/// With a microsecond for all sessions of a thread, whoever holds a tool has it to himself: another session is not
+/// made, and nobody joins one that is there, until he lets go; each time with what it would take and what is free.
+#[test]
+fn who_would_make_others_late_is_refused_with_the_figures() {
+    let rig = Rig::start_with(|settings| {
+        settings.tick_threads = 1;
+        settings.tick_budget = 0.001;
+    });
+    let site = rig.site();
+    for id in ["one", "two"] {
+        assert_eq!(site.post("/api/v1/sessions", &small(id)).status, 201);
+    }
+    let (mut ada, mut bob) = (Stream::open(&site, "one"), Stream::open(&site, "two"));
+    joined(&mut ada, "Ada");
+    let (code, reason, _) = refused(&mut bob, "Bob");
+    assert_eq!(code, RefusalCode::NoTickTime, "{reason}");
+    assert!(reason.contains("0 of its 1 µs free"), "{reason}");
+    let refusal = site.post("/api/v1/sessions", &small("three"));
+    assert_eq!((refusal.status, &*refusal.word()), (503, "no_tick_time"));
+    assert_eq!(refusal.header("retry-after"), Some("1"));
+    let detail = refusal.problem().detail;
+    assert!(detail.contains("0 of its 1 µs free"), "{detail}");
+    let shown = site.get("/metrics").text().to_owned();
+    let told = |line: &str| assert!(shown.contains(line), "{line} in {shown}");
+    told("teleclay_tick_time_refusals_total 2");
+    told("teleclay_thread_sessions{thread=\"0\"} 2");
+
+    ada.leave();
+    eventually("there is time for another", || {
+        site.post("/api/v1/sessions", &small("three")).status == 201
+    });
+    joined(&mut bob, "Bob");
+}
+
+/// A session goes from thread to thread while somebody watches: its ticks go on, and it says where it is.
+#[test]
+fn a_session_lives_where_it_was_told_and_goes_on_there() {
+    let rig = Rig::start_with(|settings| settings.tick_threads = 3);
+    let site = rig.site();
+    assert_eq!(site.post("/api/v1/sessions", &small("one")).status, 201);
+    let session = || -> Session { site.get("/api/v1/sessions/one").json() };
+    let mut before = session().control_loop;
+    for thread in [2, 0, 1, 2] {
+        rig.move_to("one", thread);
+        let now = session().control_loop;
+        assert_eq!(now.thread as usize, thread);
+        assert!(before.ticks <= now.ticks);
+        before = now;
+        // Orders find it there.
+        let reset = site.post("/api/v1/sessions/one/clay/reset", &json!({}));
+        assert_eq!(reset.status, 200, "{reset:?}");
+    }
+    eventually("it ticks on", || {
+        before.ticks + 100 < session().control_loop.ticks
+    });
 }

@@ -73,6 +73,8 @@ impl Rig {
             allow_origins: Vec::new(),
             scheduling: Scheduling::Normal,
             spin: Duration::ZERO,
+            tick_threads: 2,
+            tick_budget: 0.0,
             log_format: LogFormat::default(),
         };
         change(&mut settings);
@@ -82,6 +84,13 @@ impl Rig {
 
     pub(crate) fn directory(&self) -> &Directory {
         self.server.directory()
+    }
+
+    /// Has a session live on another tick thread.
+    pub(crate) fn move_to(&self, session: &str, thread: usize) {
+        let id = teleclay_proto::SessionId::new(session).unwrap();
+        let moved = self.directory().move_to(&id, thread);
+        self.runtime.block_on(moved).unwrap();
     }
 
     /// Serves the interface with other settings, for as long as the process lives.

@@ -15,6 +15,7 @@ mod encrypted;
 mod endings;
 mod held;
 mod kept;
+mod many;
 mod network;
 mod on_virtual_time;
 mod robot;

@@ -211,6 +211,15 @@ pub(super) fn a_program_that_stands_still(scheme: Scheme) {
     }
 }
 
+/// Eight sessions with a hand each, that cut for two seconds and step no force.
+pub(super) fn eight_sessions_cut() {
+    for _ in 0..8 {
+        let mut bench = Bench::cutting(Scheme::ForceExchange);
+        bench.run(2000);
+        bench.assert_is_gentle();
+    }
+}
+
 /// They have to hold on any day, not only on one when a live test was starved.
 mod always {
     use super::*;
@@ -225,6 +234,7 @@ mod always {
         );
         an_outage_of_five_seconds();
         a_server_that_stands_still();
+        eight_sessions_cut();
         for scheme in [Scheme::ForceExchange, Scheme::Wave, Scheme::Tdpa] {
             a_cut_line_releases_the_hand(scheme);
         }

@@ -41,6 +41,8 @@ fn settings(data: PathBuf, ports: Ports) -> Settings {
         allow_origins: Vec::new(),
         scheduling: Scheduling::Normal,
         spin: Duration::ZERO,
+        tick_threads: 1,
+        tick_budget: 0.0,
         ros2: None,
         log_format: LogFormat::Text,
     }

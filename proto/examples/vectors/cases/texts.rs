@@ -509,6 +509,14 @@ fn session() -> Session {
                 p999: 4e-5,
                 max: 1.1e-4,
             },
+            thread: 1,
+            own_tick_s: TickQuantiles {
+                p50: 4e-6,
+                p99: 9e-6,
+                p999: 2e-5,
+                max: 7e-5,
+            },
+            budget_share: 0.015,
             rtt_s: Quantiles {
                 p50: 8e-4,
                 p99: 1.6e-3,
