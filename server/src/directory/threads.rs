@@ -313,7 +313,10 @@ impl Directory {
     /// Moves sessions from thread to thread for as long as the server runs, one at a time and seldom.
     pub(crate) async fn keep_balanced(&self) {
         let threads = self.0.threads.all.len();
-        while 1 < threads {
+        if threads < 2 {
+            return;
+        }
+        loop {
             sleep(BALANCED_EVERY).await;
             let budget = &self.0.threads.budget;
             let Some(relocation) = budget.rebalance(threads, &self.0.costs()) else {

@@ -48,6 +48,7 @@ fn settings(name: &str) -> Settings {
                 size_m: [0.032, 0.032, 0.016],
             },
             voxel_size_m: 2e-3,
+            layers: Vec::new(),
         },
         tool: ToolDescription::Ball { radius_m: 0.0064 },
         tools: 1,
@@ -144,7 +145,7 @@ impl Bench {
             };
             header.sequence = header.sequence.wrapping_add(1);
             header.sent_ns = at(number).as_nanos();
-            let phase = 0.01 * f64::from(header.sequence as u32);
+            let phase = 0.01 * f64::from(header.sequence);
             let frame = HandleFrame {
                 header: *header,
                 engagement: Engagement::Engaged,
@@ -236,6 +237,9 @@ impl Bench {
     }
 }
 
+/// What a session comes to: its frames, its events, its ticks, and what is left of its clay.
+type Outcome = (Vec<Vec<u8>>, Vec<Event>, u64, u64);
+
 /// What three sessions with hands come to after so many deadlines, the threads ticked in `orders`, with these moves: at
 /// which deadline, whose, where to.
 fn run(
@@ -243,7 +247,7 @@ fn run(
     deadlines: u64,
     moves: &[(u64, u32, usize)],
     turn: impl Fn(u64) -> usize,
-) -> Vec<(Vec<Vec<u8>>, Vec<Event>, u64, u64)> {
+) -> Vec<Outcome> {
     let mut bench = Bench::new(threads);
     for number in 1..=3 {
         bench.add(number, number as usize % threads);

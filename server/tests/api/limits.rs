@@ -56,7 +56,7 @@ fn watchers_are_limited_and_one_that_leaves_makes_room() {
 
     // Once the server has answered the close, the place is free at the latest when its end is counted.
     streams.pop().unwrap().leave();
-    crate::rig::eventually("a place is free again", || {
+    eventually("a place is free again", || {
         site.get("/metrics")
             .text()
             .contains("teleclay_streams_ended_total{reason=\"left\"} 1")
