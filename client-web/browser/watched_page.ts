@@ -30,9 +30,9 @@ const ISOLATED = { "cross-origin-opener-policy": "same-origin", "cross-origin-em
 const FLAGS = [
   "--no-sandbox", "--enable-unsafe-swiftshader", "--headless", "--disable-background-networking",
   "--disable-component-update", "--disable-sync", "--no-first-run",
-  // A page that a test hands over itself has no address in Chromium's eyes, and may then open no socket to this
-  // machine.
-  ...(DASHBOARD === undefined ? [] : ["--disable-features=LocalNetworkAccessChecks"]),
+  // What a test hands over itself, a page or a worker, has no address in Chromium's eyes, and may then open no socket to
+  // this machine.
+  "--disable-features=LocalNetworkAccessChecks",
 ];
 
 /** A click waits this long for a page that a loaded machine draws, ms. */

@@ -56,7 +56,8 @@ impl Frames {
         }
     }
 
-    /// Writes each of [`SHOWN`](teleclay_reel::format::SHOWN) in turn into `bytes` and gives it to `each`, with its place among them.
+    /// Writes each of [`SHOWN`](teleclay_reel::format::SHOWN) in turn into `bytes` and gives it to `each`, with its
+    /// place among them.
     pub(crate) fn tell<E>(
         &self,
         seen: &Seen,

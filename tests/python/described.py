@@ -28,7 +28,7 @@ MUST_FIT = [
     "/outage/length_s",  # shorter than every_s
     "/outage",  # one that begins is whole
     "/burst",
-    "/voxel_size_m",  # at most 512 voxels along an axis
+    "/voxel_size_m",  # at most 1024 voxels along an axis
     "/shape",
     "/edges_m",  # ascending, one more than there are depths or dampings
     "/depths_of_cut_m",
@@ -36,6 +36,7 @@ MUST_FIT = [
     "/clay_stiffness_n_per_m",
     "/denominator",  # not all zero
     "/region_m",  # the least corner first
+    "/wire_diameter_m",  # no thicker than ring_radius_m
     "/cells",  # at most 100,000 in all
     "/since",  # not beside a tool
     "/arm_angles_deg",  # no two alike

@@ -1,5 +1,5 @@
-// What the module that reads recordings says of one, and of a moment of it (crates/reel/src/words.rs). Moments are seconds
-// since the recording began.
+// What the module that reads recordings says of one, and of a moment of it (crates/reel/src/words.rs). Moments are
+// seconds since the recording began.
 
 import * as v from "valibot";
 import { decodeJson } from "./json";

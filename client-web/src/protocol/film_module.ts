@@ -35,8 +35,8 @@ export class FilmModule {
   }
 
   /**
-   * Takes in the next piece of the file; an empty one is its end. Throws {@link ModuleRefusal} where it is no recording,
-   * or damaged from there on.
+   * Takes in the next piece of the file; an empty one is its end. Throws {@link ModuleRefusal} where it is no
+   * recording, or damaged from there on.
    */
   push(piece: Uint8Array): void {
     this.#put(piece);
@@ -66,7 +66,10 @@ export class FilmModule {
     return decodeFilmMoment(this.#text());
   }
 
-  /** The least and the greatest of a channel of a tool in each of the columns, the first above the second where nothing is. */
+  /**
+   * The least and the greatest of a channel of a tool in each of the columns; the first is above the second where there
+   * is nothing.
+   */
   envelope(tool: number, channel: number, from_s: number, to_s: number, columns: number): Float32Array<ArrayBuffer> {
     this.#exports.find_envelope(tool, channel, from_s, to_s, columns);
     return new Float32Array(this.#exports.memory.buffer, this.#address(Buffer.envelope), this.#length(Buffer.envelope)).slice();

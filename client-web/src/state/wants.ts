@@ -18,7 +18,7 @@ interface Coming {
   readonly bricks: ArrayBuffer[];
 }
 
-/** Kinds of binary messages, in their fourth byte, that make up a snapshot: bricks, and classes of material before them. */
+/** Kinds of binary messages, in their fourth byte, of a snapshot: bricks, and classes of material before them. */
 const SNAPSHOT_KINDS: ReadonlySet<number | undefined> = new Set([2, 5]);
 
 export class Wants {

@@ -185,8 +185,8 @@ impl Clay {
         }
     }
 
-    /// What the clay answers to a tool that moves but must not cut. `material` is what the first class resists with: all
-    /// of the clay, unless it [has more](Clay::assign_classes).
+    /// What the clay answers to a tool that moves but must not cut. `material` is what the first class resists with:
+    /// all of the clay, unless it [has more](Clay::assign_classes).
     pub fn feel(
         &self,
         tool: &Tool,

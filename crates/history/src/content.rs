@@ -7,9 +7,9 @@
 //!                                                       | 3 | 4096 bytes
 //! ```
 //!
-//! Clay of several classes of material is written as version 2. There the classes stand between the hash and the bricks,
-//! as [their own module](teleclay_clay::classes) writes them, behind their length, a number. Clay of one class is
-//! written as version 1, as it always was.
+//! Clay of several classes of material is written as version 2. There the classes stand between the hash and the
+//! bricks, as [their own module](teleclay_clay::classes) writes them, behind their length, a number. Clay of one class
+//! is written as version 1, as it always was.
 
 use std::sync::Arc;
 

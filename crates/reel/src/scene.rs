@@ -103,7 +103,7 @@ pub struct Head {
 pub struct Lost {
     /// Since then, ns since 1970.
     pub since_ns: u64,
-    /// Why.
+    /// What has lost it.
     pub why: Why,
 }
 

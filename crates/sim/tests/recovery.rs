@@ -19,6 +19,16 @@ use teleclay_sim::rig::{Halt, Rig};
 
 const KILLS: u32 = 4;
 
+/// Records wait for so long until they are written: as long as the thread of a server may take to look for them.
+const COMMITTED_WITHIN: Duration = Duration::from_millis(8);
+
+fn policy() -> Policy {
+    Policy {
+        commit_within: COMMITTED_WITHIN,
+        ..Policy::default()
+    }
+}
+
 /// The part of a server that keeps a journal.
 struct Keeper {
     writer: Writer<Memory>,
@@ -60,7 +70,7 @@ impl Keeper {
     fn new(disk: &Memory, tools: usize) -> Self {
         let reader = Reader::open(disk.clone()).unwrap();
         Self {
-            writer: Writer::go_on(reader, Policy::default()).unwrap(),
+            writer: Writer::go_on(reader, policy()).unwrap(),
             recorder: Recorder::new(tools),
             ledger: Ledger::new(),
         }
@@ -162,8 +172,7 @@ fn killed(scheme: Scheme, delay_ms: u32, seed: u64) -> (Rig, Keeper, Memory, Fel
                 payload: state.encode(),
             };
             // What was found counts as durable only when the next writer has written it.
-            let mut writer =
-                Writer::go_on(Reader::open(disk.clone()).unwrap(), Policy::default()).unwrap();
+            let mut writer = Writer::go_on(Reader::open(disk.clone()).unwrap(), policy()).unwrap();
             writer.flush(Duration::ZERO);
             assert_eq!(writer.durable(), last);
             write_snapshot(&mut disk.clone(), &snapshot).unwrap();

@@ -58,8 +58,8 @@ enum Kind {
 /// The body of the mesh takes the place of the block, under a new epoch. The mesh must be closed: shells that overlap
 /// are one body, and one that faces inwards is a hollow. The numbers of an STL are millimetres, a 3MF says its unit.
 /// The file has at most 64 MiB. The mesh stays where it is, the block's lower corner being the origin, unless `fit` is
-/// true: then it is scaled alike along all axes until it touches two opposite faces of the block, and centred. Where the
-/// block has layers, what a mesh has at a place is of the layer there.
+/// true: then it is scaled alike along all axes until it touches two opposite faces of the block, and centred. Where
+/// the block has layers, what a mesh has at a place is of the layer there.
 ///
 /// A volume is a scan or the like, as NRRD (raw or gzip) or MetaImage (raw or zlib) with its data behind the header, of
 /// at most 256 MiB once unpacked. It becomes clay of one class or several: what is below the first of `thresholds` is

@@ -212,7 +212,7 @@ fn schemas_carry_limits_and_close_their_objects() {
         "ClayReset",
         "Network",
         "Impairment",
-        "Material",
+        "MaterialChoice",
         "RobotGeometry",
         "InverseRequest",
         "ForwardRequest",

@@ -306,11 +306,17 @@ fn what_is_no_volume_or_has_no_thresholds_is_refused_in_words() {
     for (query, media_type, body, kind, words) in cases {
         let answer = put(&site, &id, query, media_type, body);
         assert_eq!(answer.status, 422, "{query} {media_type}");
-        let problem: serde_json::Value = answer.json();
-        let said = problem["detail"].as_str().unwrap();
-        assert!(said.contains(words), "{said:?}, wanted {words:?}");
-        let got = problem["type"].as_str().unwrap();
-        assert!(got.ends_with(kind), "{got}, wanted {kind}");
+        let problem = answer.problem();
+        assert!(
+            problem.detail.contains(words),
+            "{:?}, wanted {words:?}",
+            problem.detail
+        );
+        assert!(
+            problem.kind.ends_with(kind),
+            "{}, wanted {kind}",
+            problem.kind
+        );
     }
     let session: Session = site.get(&format!("/api/v1/sessions/{id}")).json();
     assert_eq!(session.clay.epoch, 1, "nothing has changed");

@@ -21,8 +21,6 @@ pub(crate) const USES: [(&str, &[&str]); 42] = [
     ("front", &["doors"]),
     ("page", &["clay", "wire"]),
     ("mathematics", &["control", "kinematics"]),
-    ("reel", &["clay", "history", "ros", "session"]),
-    ("film", &["clay", "reel", "wire"]),
     ("operator", &["control", "device", "kinematics"]),
     ("link", &["clay", "control", "proto"]),
     ("bilateral", &["clay", "control", "device", "link", "proto"]),
@@ -43,6 +41,8 @@ pub(crate) const USES: [(&str, &[&str]); 42] = [
     ("study", &["proto"]),
     ("study-program", &["study"]),
     ("history", &["clay", "link", "proto", "session"]),
+    ("reel", &["clay", "history", "ros", "session"]),
+    ("film", &["clay", "reel", "wire"]),
     (
         "keeping",
         &["clay", "history", "journal", "link", "proto", "session"],

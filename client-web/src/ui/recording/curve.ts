@@ -4,7 +4,7 @@ import type { Term } from "../../state/history";
 import { Points } from "../../state/samples";
 import type { Plot } from "../../film/port";
 
-/** Columns without a value between two that have one are lines as long as this, s: a recording may show tools seldom. */
+/** Columns without a value between two that have one are lines up to this, s: a recording may show tools seldom. */
 const BRIDGED_S = 0.3;
 /** And as long as so many columns. */
 const BRIDGED_COLUMNS = 3;
