@@ -33,7 +33,7 @@ const root = (): ReturnType<WatchedPage["page"]["locator"]> => page.page.getByTe
 const slider = (): ReturnType<WatchedPage["page"]["locator"]> => page.page.getByTestId("reel-time");
 const shown_s = async (): Promise<number> => Number(await root().getAttribute("data-at-s"));
 
-/** What is shown of a moment is the last tick before it; ticks are up to a tick and a half apart where they follow a hand. */
+/** What is shown of a moment is the last tick before it; ticks that follow a hand may be a little further apart. */
 const TICK_S = 0.0015;
 const isAt = async (at_s: number): Promise<boolean> => {
   const before_s = at_s - (await shown_s());

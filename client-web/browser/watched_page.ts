@@ -30,8 +30,8 @@ const ISOLATED = { "cross-origin-opener-policy": "same-origin", "cross-origin-em
 const FLAGS = [
   "--no-sandbox", "--enable-unsafe-swiftshader", "--headless", "--disable-background-networking",
   "--disable-component-update", "--disable-sync", "--no-first-run",
-  // What a test hands over itself, a page or a worker, has no address in Chromium's eyes, and may then open no socket to
-  // this machine.
+  // What a test hands over itself, a page or a worker, has no address in Chromium's eyes, and may then open no socket
+  // to this machine.
   "--disable-features=LocalNetworkAccessChecks",
 ];
 
