@@ -106,13 +106,14 @@ export class WatchedPage {
   }
 
   /** `visit`: whoever tests another thing has seen the tour; `#/live?tour=1` shows it all the same. */
-  static async open(browser: Browser, url: string, visit: "first" | "later" = "later"): Promise<WatchedPage> {
+  static async open(browser: Browser, url: string, visit: "first" | "later" = "later", onRequest?: (pathname: string) => void): Promise<WatchedPage> {
     const context = await browser.newContext({ viewport: VIEWPORT, colorScheme: "light", reducedMotion: "reduce" });
     context.setDefaultTimeout(PATIENCE_MS);
     if (visit === "later") await context.addInitScript(() => localStorage.setItem("teleclay.tour", "seen"));
     if (DASHBOARD !== undefined) {
       await context.route(({ pathname }) => !SERVERS_OWN.test(pathname), async (route) => route.fulfill(await fileFor(route)));
     }
+    if (onRequest !== undefined) context.on("request", (request) => { onRequest(new URL(request.url()).pathname); });
     const watched = new WatchedPage(await context.newPage(), await browser.newPage());
     // The page draws as soon as it can, and without a graphics card that may hold up its load event for long.
     await watched.page.goto(url, { waitUntil: "commit" });

@@ -28,10 +28,8 @@ afterAll(async () => {
 
 describe("the page", () => {
   it("weighs little until somebody carves", async () => {
-    const ada = await WatchedPage.open(browser, "about:blank");
     const loaded = new Set<string>();
-    ada.page.on("request", (request) => loaded.add(new URL(request.url()).pathname));
-    await ada.page.goto(`${standIn.url}/#/live?session=demo&operate=1&picture=plain`, { waitUntil: "commit" });
+    const ada = await WatchedPage.open(browser, `${standIn.url}/#/live?session=demo&operate=1&picture=plain`, "later", (pathname) => loaded.add(pathname));
     await until("she holds the tool", () => standIn.tool.operator === "guest");
     await ada.page.mouse.move(VIEWPORT.width / 3, VIEWPORT.height / 3);
     await until("the hand is held", async () => {

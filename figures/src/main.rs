@@ -36,6 +36,9 @@ struct Arguments {
     /// Answer Zenoh messages of several lines on this endpoint until the parent ends (used by the program itself)
     #[arg(long, hide = true)]
     echo_lines: Option<String>,
+    /// Call on this line of those, instead of answering (used by the program itself)
+    #[arg(long, hide = true, requires = "echo_lines")]
+    call_line: Option<usize>,
     /// Leave out everything but what live sessions cost their server
     #[arg(long, conflicts_with = "compute_only")]
     cost_only: bool,
@@ -61,7 +64,10 @@ fn run(arguments: &Arguments) -> anyhow::Result<()> {
         return network::echo_zenoh(endpoint);
     }
     if let Some(endpoint) = &arguments.echo_lines {
-        return cost::echo_lines(endpoint);
+        return match arguments.call_line {
+            Some(line) => cost::call_line(endpoint, line),
+            None => cost::echo_lines(endpoint),
+        };
     }
     if let Some(address) = arguments.echo_udp {
         return network::echo_udp(address);

@@ -51,6 +51,11 @@ pub(crate) fn heading(title: &str) {
     );
 }
 
+/// A line for whoever started this program.
+pub(crate) fn say(words: &str) {
+    println!("{words}");
+}
+
 pub(crate) fn print(row: &Row) {
     let mark = if row.is_reached() { " " } else { "!" };
     let floor = row

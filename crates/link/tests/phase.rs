@@ -106,22 +106,22 @@ fn frames_come_shortly_before_their_tick_from_any_phase_and_however_clocks_drift
     }
 }
 
-/// What the lock is for: without it the same frames wait for as long as chance has it.
+/// What the lock is for: without it the same frames wait for half a period, over all phases, and at the worst for a
+/// whole one.
 #[test]
-fn without_it_a_drifting_clock_brings_every_wait_by() {
-    let mut handles = [Handle::new(0.3 * PERIOD_NS, 200e-6, 60e3)];
-    let (waits, _) = run(&mut handles, 8, None);
-    let longest = waits[0].iter().copied().fold(0.0, f64::max);
-    let mut mean_ns = 0.0;
-    for phase in 0..20 {
+fn without_it_frames_wait_as_chance_has_it() {
+    let of_phase = |phase: u32| {
         let mut handles = [Handle::new(f64::from(phase) * 0.05 * PERIOD_NS, 0.0, 60e3)];
-        mean_ns += mean(&run(&mut handles, 2, None).0[0]) / 20.0;
-    }
+        mean(&run(&mut handles, 2, None).0[0])
+    };
+    let means: Vec<f64> = (0..20).map(of_phase).collect();
+    let mean_ns = mean(&means);
     assert!(
         (mean_ns - 0.5 * PERIOD_NS).abs() < 0.05 * PERIOD_NS,
         "{mean_ns}"
     );
-    assert!(longest <= PERIOD_NS);
+    let worst_ns = means.iter().copied().fold(0.0, f64::max);
+    assert!(0.9 * PERIOD_NS < worst_ns, "{worst_ns}");
 }
 
 #[test]

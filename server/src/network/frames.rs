@@ -204,7 +204,10 @@ pub(super) async fn hear_sessions(
                     Err(error) => tracing::error!(%error, "a tool's frames cannot be heard"),
                 }
             }
-            heard.insert(live.number(), subscribers);
+            // What is not whole is tried again when the next session comes or goes.
+            if subscribers.len() == TOOLS {
+                heard.insert(live.number(), subscribers);
+            }
         }
         // The directory lives as long as this task does.
         if changes.changed().await.is_err() || session.is_closed() {

@@ -2,6 +2,7 @@
 
 use super::segment::{Segment, nearest_voxel};
 use super::{BrickAt, HALF_UNITS, InBrick, RAMP, SLACK, Solid, Tables, TileIndex, UNITS_PER_VOXEL};
+use crate::grid::BRICK_EDGE;
 use crate::lanes::{F32x4, LANES, Tile};
 use crate::tool::Ball;
 
@@ -100,6 +101,34 @@ impl Centre {
     pub(super) fn offset_of(&self, place: [f64; 3]) -> [f32; 3] {
         std::array::from_fn(|axis| {
             ((f64::from(self.origin[axis]) - place[axis]) * UNITS_PER_VOXEL) as f32
+        })
+    }
+
+    /// Notes ways from the place for voxels of these bricks, and for the middles of fours of them, each as its table's
+    /// `number`.
+    #[inline(always)]
+    pub(super) fn note_ways(
+        &self,
+        tables: &mut Tables,
+        bricks: [[i32; 2]; 3],
+        [way, middle]: [usize; 2],
+    ) {
+        let half = F32x4::splat(0.5 * (LANES - 1) as f32 * UNITS_PER_VOXEL as f32);
+        for axis in 0..3 {
+            let (origin, offset) = (self.origin[axis], self.offset[axis]);
+            tables.note_voxels(axis, way, bricks[axis], |first| self.ways(axis, first, 1));
+            tables.note_fours(axis, middle, bricks[axis], |first| {
+                ways(first - origin, LANES as i32, offset) + half
+            });
+        }
+    }
+
+    /// The way from the place to the middle of a brick, in units.
+    pub(super) fn way_to_middle(&self, at: BrickAt) -> [F32x4; 3] {
+        std::array::from_fn(|axis| {
+            let voxels = at.0[axis] as i32 * BRICK_EDGE as i32 - self.origin[axis];
+            let middle = f64::from(voxels) + 0.5 * (BRICK_EDGE - 1) as f64;
+            F32x4::splat((middle * UNITS_PER_VOXEL) as f32 + self.offset[axis])
         })
     }
 

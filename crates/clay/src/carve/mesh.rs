@@ -3,11 +3,10 @@
 //! A sweep is cut as the mesh at places on the way, no farther than [`STRIDE`] of a voxel apart, the last at its end.
 //! Between two of them a corner that moves across itself leaves at most half of that unmet, an eighth of a voxel.
 
-use super::ball::{Centre, ways};
+use super::ball::Centre;
 use super::segment::Segment;
 use super::{BrickAt, HALF_UNITS, InBrick, RAMP, SLACK, Solid, Tables, TileIndex, UNITS_PER_VOXEL};
 use crate::bake::Baked;
-use crate::grid::BRICK_EDGE;
 use crate::lanes::{F32x4, LANES, Tile};
 
 /// From the middle of a tile, and of a brick, to the farthest of its voxels, in voxels.
@@ -118,24 +117,11 @@ impl Solid for MeshAt<'_> {
 
     #[inline(always)]
     fn prepare(&self, tables: &mut Tables, bricks: [[i32; 2]; 3]) {
-        let half = F32x4::splat(0.5 * (LANES - 1) as f32 * UNITS_PER_VOXEL as f32);
-        for axis in 0..3 {
-            let (origin, offset) = (self.place.origin[axis], self.place.offset[axis]);
-            tables.note_voxels(axis, WAY, bricks[axis], |first| {
-                self.place.ways(axis, first, 1)
-            });
-            tables.note_fours(axis, MIDDLE, bricks[axis], |first| {
-                ways(first - origin, LANES as i32, offset) + half
-            });
-        }
+        self.place.note_ways(tables, bricks, [WAY, MIDDLE]);
     }
 
     fn reaches(&self, at: BrickAt) -> bool {
-        let middle = std::array::from_fn(|axis| {
-            let voxels = at.0[axis] as i32 * BRICK_EDGE as i32 - self.place.origin[axis];
-            let middle = f64::from(voxels) + 0.5 * (BRICK_EDGE - 1) as f64;
-            F32x4::splat((middle * UNITS_PER_VOXEL) as f32 + self.place.offset[axis])
-        });
+        let middle = self.place.way_to_middle(at);
         let near = self
             .outside(middle)
             .is_below(F32x4::splat(self.brick_reach));

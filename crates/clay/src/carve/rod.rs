@@ -15,11 +15,10 @@
 //! What the rod at the end leaves is a function of its own place alone, and the sweep never leaves more: so a sweep
 //! that starts where another one ended need not cut the rod there again.
 
-use super::ball::{Centre, DISTANCE_ERROR, ways};
+use super::ball::{Centre, DISTANCE_ERROR};
 use super::segment::Segment;
 use super::{BrickAt, HALF_UNITS, InBrick, RAMP, SLACK, Solid, Tables, TileIndex, UNITS_PER_VOXEL};
-use crate::grid::BRICK_EDGE;
-use crate::lanes::{F32x4, LANES, Tile};
+use crate::lanes::{F32x4, Tile};
 use crate::tool::{Cylinder, WireLoop};
 
 /// From the middle of a tile, and of a brick, to the farthest of its voxels, in voxels.
@@ -240,16 +239,7 @@ impl<const AXIS: usize> Solid for RodSweep<AXIS> {
 
     #[inline(always)]
     fn prepare(&self, tables: &mut Tables, bricks: [[i32; 2]; 3]) {
-        let half = F32x4::splat(0.5 * (LANES - 1) as f32 * UNITS_PER_VOXEL as f32);
-        for axis in 0..3 {
-            let (origin, offset) = (self.end.origin[axis], self.end.offset[axis]);
-            tables.note_voxels(axis, WAY, bricks[axis], |first| {
-                self.end.ways(axis, first, 1)
-            });
-            tables.note_fours(axis, MIDDLE, bricks[axis], |first| {
-                ways(first - origin, LANES as i32, offset) + half
-            });
-        }
+        self.end.note_ways(tables, bricks, [WAY, MIDDLE]);
     }
 
     /// Whether the rod passes the brick's middle near enough.
@@ -257,11 +247,7 @@ impl<const AXIS: usize> Solid for RodSweep<AXIS> {
         if self.is_short {
             return true;
         }
-        let middle = std::array::from_fn(|axis| {
-            let voxels = at.0[axis] as i32 * BRICK_EDGE as i32 - self.end.origin[axis];
-            let middle = f64::from(voxels) + 0.5 * (BRICK_EDGE - 1) as f64;
-            F32x4::splat((middle * UNITS_PER_VOXEL) as f32 + self.end.offset[axis])
-        });
+        let middle = self.end.way_to_middle(at);
         let near = self
             .outside_sweep(middle)
             .is_below(F32x4::splat(self.brick_reach));
