@@ -24,6 +24,7 @@ mod ball;
 mod blade;
 mod capsule;
 mod cleared;
+mod cover;
 mod list;
 mod mesh;
 mod rod;
@@ -49,6 +50,7 @@ use segment::Segment;
 use tables::BrickAt;
 
 pub(crate) use cleared::{Cleared, Start};
+pub(crate) use cover::{Part, covered};
 pub(crate) use tables::Tables;
 
 /// Half width of the ramp from air to solid, in voxels.
@@ -79,33 +81,7 @@ pub(crate) fn carve(
         bands: List::new(),
         work: List::new(),
     };
-    let (sets_down, moves) = (start == Start::Unknown, !segment.is_standing());
-    match &sweep.shape {
-        ToolShape::Ball(ball) => {
-            if sets_down {
-                carver.cut(&BallStep::set_down(ball, &segment));
-            }
-            if moves && BallStep::suits(ball, &segment) {
-                carver.cut(&BallStep::new(ball, &segment));
-            } else if moves {
-                carver.cut(&CapsuleSweep::new(ball, &segment));
-            }
-        }
-        ToolShape::Blade(blade) => {
-            if sets_down {
-                carver.cut(&BladeSweep::set_down(blade, &segment));
-            }
-            if moves {
-                carver.cut(&BladeSweep::new(blade, &segment));
-            }
-        }
-        ToolShape::Cylinder(cylinder) => {
-            carver.cut_rod::<2>(&Rod::upright(cylinder), &segment, start);
-        }
-        ToolShape::Loop(wire_loop) => {
-            carver.cut_rod::<0>(&Rod::within(wire_loop), &segment, start);
-        }
-    }
+    take_solids(sweep, &segment, start, &mut carver);
     before - field.total()
 }
 
@@ -129,14 +105,60 @@ pub(crate) fn carve_mesh(
         work: List::new(),
     };
     if start == Start::Unknown {
-        carver.cut(&MeshAt::new(baked, segment.from, segment.per_metre));
+        carver.take(&MeshAt::new(baked, segment.from, segment.per_metre));
     }
     if !segment.is_standing() {
         for place in places(&segment) {
-            carver.cut(&MeshAt::new(baked, place, segment.per_metre));
+            carver.take(&MeshAt::new(baked, place, segment.per_metre));
         }
     }
     before - field.total()
+}
+
+/// Whoever is given the solids that a sweep is made of.
+trait Take {
+    fn take<S: Solid>(&mut self, solid: &S);
+}
+
+/// The solids that a sweep is made of: the tool where it starts, unless that is clear, and what it pushes ahead of
+/// itself from there.
+fn take_solids(sweep: &Sweep, segment: &Segment, start: Start, take: &mut impl Take) {
+    let (sets_down, moves) = (start == Start::Unknown, !segment.is_standing());
+    match &sweep.shape {
+        ToolShape::Ball(ball) => {
+            if sets_down {
+                take.take(&BallStep::set_down(ball, segment));
+            }
+            if moves && BallStep::suits(ball, segment) {
+                take.take(&BallStep::new(ball, segment));
+            } else if moves {
+                take.take(&CapsuleSweep::new(ball, segment));
+            }
+        }
+        ToolShape::Blade(blade) => {
+            if sets_down {
+                take.take(&BladeSweep::set_down(blade, segment));
+            }
+            if moves {
+                take.take(&BladeSweep::new(blade, segment));
+            }
+        }
+        ToolShape::Cylinder(cylinder) => {
+            take_rod::<2>(&Rod::upright(cylinder), segment, start, take);
+        }
+        ToolShape::Loop(wire_loop) => {
+            take_rod::<0>(&Rod::within(wire_loop), segment, start, take);
+        }
+    }
+}
+
+fn take_rod<const AXIS: usize>(rod: &Rod, segment: &Segment, start: Start, take: &mut impl Take) {
+    if start == Start::Unknown {
+        take.take(&RodSweep::<AXIS>::set_down(rod, segment));
+    }
+    if !segment.is_standing() {
+        take.take(&RodSweep::<AXIS>::new(rod, segment));
+    }
 }
 
 /// A swept solid, ready to cut one grid.
@@ -212,23 +234,16 @@ impl<S: Solid> Work for Cut<'_, '_, S> {
     }
 }
 
-impl Carver<'_> {
-    fn cut_rod<const AXIS: usize>(&mut self, rod: &Rod, segment: &Segment, start: Start) {
-        if start == Start::Unknown {
-            self.cut(&RodSweep::<AXIS>::set_down(rod, segment));
-        }
-        if !segment.is_standing() {
-            self.cut(&RodSweep::<AXIS>::new(rod, segment));
-        }
-    }
-
-    fn cut<S: Solid>(&mut self, solid: &S) {
+impl Take for Carver<'_> {
+    fn take<S: Solid>(&mut self, solid: &S) {
         widely(Cut {
             carver: self,
             solid,
         });
     }
+}
 
+impl Carver<'_> {
     #[inline(always)]
     fn cut_bricks<S: Solid>(&mut self, solid: &S) {
         let voxels = self.field.grid().voxels().map(i32::from);

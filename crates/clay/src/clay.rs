@@ -14,6 +14,7 @@ use crate::field::{self, BrickView, Field};
 use crate::grid::{BRICK_EDGE, BrickIndex, Grid};
 use crate::hash::Hashes;
 use crate::law::{self, ContactState, Engaged, Material, Motion, Response};
+use crate::operation::{self, Operation, Smoother};
 use crate::pose::Pose;
 use crate::shape::{Shape, ShapeError};
 use crate::sweep::Sweep;
@@ -25,7 +26,7 @@ pub const UNITS_PER_VOXEL: u64 = field::SOLID as u64;
 /// A block of clay.
 ///
 /// It belongs to whoever ticks; watchers keep copies of their own, fed by [`Clay::drain_changed`]. Nothing here
-/// allocates after creation except `clone`.
+/// allocates after creation except `clone`, and smoothing with a tool larger than any before.
 #[derive(Clone, Debug)]
 pub struct Clay {
     field: Field,
@@ -35,6 +36,7 @@ pub struct Clay {
     cleared: Cleared,
     tables: Tables,
     classes: Option<Arc<Classes>>,
+    smoother: Smoother,
 }
 
 /// Content that a brick cannot take.
@@ -67,8 +69,8 @@ pub enum ReplaceError {
 pub struct Worked {
     /// What the clay answers.
     pub response: Response,
-    /// What was removed, in units of 1/255 voxel.
-    pub removed_units: u64,
+    /// What was removed, added, or moved by smoothing, in units of 1/255 voxel.
+    pub moved_units: u64,
 }
 
 impl Clay {
@@ -94,6 +96,7 @@ impl Clay {
             cleared: Cleared::default(),
             tables: Tables::new(),
             classes: None,
+            smoother: Smoother::default(),
         })
     }
 
@@ -116,6 +119,7 @@ impl Clay {
             cleared: Cleared::default(),
             tables: Tables::new(),
             classes: None,
+            smoother: Smoother::default(),
         };
         for brick in 0..bricks {
             let index = BrickIndex::new(brick);
@@ -164,9 +168,41 @@ impl Clay {
         )
     }
 
+    /// Does to the clay what an operation does where a sweep passes through; returns how much was removed, added or
+    /// moved, in units of 1/255 voxel.
+    pub fn operate(&mut self, operation: Operation, sweep: &Sweep) -> u64 {
+        let (field, changes, tables) = (&mut self.field, &mut self.changes, &mut self.tables);
+        let moved_units = match operation {
+            Operation::Cut => return self.carve(sweep),
+            Operation::Add => {
+                let most = self.initial_units - field.total();
+                operation::add(field, changes, tables, sweep, most)
+            }
+            Operation::Smooth => self.smoother.smooth(field, changes, tables, sweep),
+        };
+        if 0 < moved_units {
+            // Clay may stand again where a tool had cleared it.
+            self.cleared = Cleared::default();
+        }
+        moved_units
+    }
+
     /// One tick of a tool: cuts the motion's sweep, then feels the clay that is left and answers.
     pub fn work(
         &mut self,
+        tool: &Tool,
+        material: &Material,
+        motion: &Motion,
+        contact: &mut ContactState,
+    ) -> Worked {
+        self.work_as(Operation::Cut, tool, material, motion, contact)
+    }
+
+    /// One tick of a tool. One that cuts feels the clay that it leaves; one that adds or smooths feels the clay as it
+    /// comes upon it.
+    pub fn work_as(
+        &mut self,
+        operation: Operation,
         tool: &Tool,
         material: &Material,
         motion: &Motion,
@@ -177,11 +213,16 @@ impl Clay {
             from: motion.from(),
             to: motion.to(),
         };
-        let removed_units = self.carve(&sweep);
-        let response = self.feel(tool, material, motion, contact);
+        let (response, moved_units) = if operation == Operation::Cut {
+            let removed_units = self.carve(&sweep);
+            (self.feel(tool, material, motion, contact), removed_units)
+        } else {
+            let response = self.feel(tool, material, motion, contact);
+            (response, self.operate(operation, &sweep))
+        };
         Worked {
             response,
-            removed_units,
+            moved_units,
         }
     }
 

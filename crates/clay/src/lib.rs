@@ -16,7 +16,7 @@
 //! let worked = clay.work(&tool, &material, &motion, &mut contact);
 //!
 //! assert!(worked.response.force_n[0] < 0.0, "clay resists");
-//! assert_eq!(clay.initial_units(), clay.remaining_units() + worked.removed_units);
+//! assert_eq!(clay.initial_units(), clay.remaining_units() + worked.moved_units);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
@@ -35,6 +35,7 @@ mod lanes;
 mod law;
 mod mesh_tool;
 pub mod mirror;
+mod operation;
 mod pose;
 mod shape;
 pub mod stl;
@@ -57,6 +58,7 @@ pub use law::{
 };
 pub use mesh_tool::MeshTool;
 pub use mirror::Mirror;
+pub use operation::Operation;
 pub use pose::{Pose, PoseError, STEPS_PER_METRE};
 pub use shape::{MAX_STEPS, Shape, ShapeError, SteppedBlock, SteppedDimensions};
 pub use surface::{BrickMesh, Mesh};

@@ -358,7 +358,7 @@ fn air_and_a_finished_cut_do_not_resist() {
             let worked = stroke.tick();
             assert!(norm(worked.response.force_n) <= 0.0, "{worked:?}");
             assert_eq!(
-                (worked.removed_units, worked.response.regime),
+                (worked.moved_units, worked.response.regime),
                 (0, Regime::Free)
             );
         }
@@ -368,7 +368,7 @@ fn air_and_a_finished_cut_do_not_resist() {
     for _ in 0..20 {
         let worked = through.tick();
         assert!(norm(worked.response.force_n) < 0.005 * full_n, "{worked:?}");
-        assert_eq!(worked.removed_units, 0);
+        assert_eq!(worked.moved_units, 0);
     }
 }
 

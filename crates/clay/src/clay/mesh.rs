@@ -42,10 +42,10 @@ impl Clay {
         motion: &Motion,
         contact: &mut ContactState,
     ) -> Worked {
-        let removed_units = self.carve_mesh(mesh, motion.from(), motion.to());
+        let moved_units = self.carve_mesh(mesh, motion.from(), motion.to());
         Worked {
             response: self.feel_with(mesh.faces(), material, motion, contact),
-            removed_units,
+            moved_units,
         }
     }
 
