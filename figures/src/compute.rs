@@ -5,7 +5,9 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
 use teleclay_bilateral::{HandleSide, Lease, Permission, ToolSide};
-use teleclay_clay::{Ball, Clay, ContactState, Material, Motion, Pose, Shape, Tool, ToolShape};
+use teleclay_clay::{
+    Ball, Clay, ContactState, Material, Motion, Operation, Pose, Shape, Tool, ToolShape,
+};
 use teleclay_link::conditioner::Impairment;
 use teleclay_link::time::Timestamp;
 use teleclay_operator::{Axes, Intent, Reach, SimulatedHandle};
@@ -129,10 +131,13 @@ impl Working {
         self.device.command(step.command_m);
         let started = Instant::now();
         self.tool.handle_frame(now, self.handle.frame());
-        black_box(
-            self.tool
-                .step(now, &mut self.clay, &self.material, Permission::Work),
-        );
+        black_box(self.tool.step(
+            now,
+            &mut self.clay,
+            &self.material,
+            Operation::Cut,
+            Permission::Work,
+        ));
         let took = started.elapsed().as_nanos() as u64;
         self.handle.handle_frame(now, self.tool.frame());
         took

@@ -116,7 +116,7 @@ impl Clay {
             array(py, each(|worked| worked.response.engaged_area_m2)),
             array(
                 py,
-                worked.iter().map(|worked| worked.removed_units).collect(),
+                worked.iter().map(|worked| worked.moved_units).collect(),
             ),
             array(py, each(|worked| worked.response.stored_j)),
             array(py, each(|worked| worked.response.dissipated_j)),

@@ -9,7 +9,7 @@
 use std::sync::Arc;
 
 use teleclay_bilateral::{LoopModel, ParameterError, Permission, ToolSide, tool_setup};
-use teleclay_clay::{Clay, Material, Sweep};
+use teleclay_clay::{Clay, Material, Operation, Sweep};
 use teleclay_history::{Fact, State};
 use teleclay_link::replica::Cut;
 use teleclay_link::scheme::{Generation, tool_controller};
@@ -36,9 +36,11 @@ pub enum AgainError {
 pub struct Work {
     /// Sweeps up to this number were merged or refused.
     pub decided: Option<u32>,
-    /// What was removed, in units of 1/255 voxel.
-    pub removed_units: u64,
-    /// The cuts, in their order.
+    /// What was done to the clay.
+    pub operation: Operation,
+    /// What was removed, added, or moved by smoothing, in units of 1/255 voxel.
+    pub moved_units: u64,
+    /// The ways through the clay, in their order.
     pub cuts: Vec<Cut>,
 }
 
@@ -141,25 +143,29 @@ impl Again {
             let work = match &mut self.slots[slot] {
                 Slot::Free => Work::default(),
                 Slot::Driven(side) => {
-                    let step = side.step(now, &mut self.clay, &self.material, permission);
+                    let operation = self.settings.operation();
+                    let step =
+                        side.step(now, &mut self.clay, &self.material, operation, permission);
                     is_led = side.is_led();
                     Work {
                         decided: Some(side.sweeps_decided()),
-                        removed_units: step.removed_units,
+                        operation,
+                        moved_units: step.moved_units,
                         cuts: side.cuts().to_vec(),
                     }
                 }
                 Slot::Followed => {
                     let told = told.get(slot).cloned().unwrap_or_default();
-                    let removed = told.cuts.iter().map(|cut| {
-                        self.clay.carve(&Sweep {
+                    let moved = told.cuts.iter().map(|cut| {
+                        let sweep = Sweep {
                             shape,
                             from: cut.from,
                             to: cut.to,
-                        })
+                        };
+                        self.clay.operate(told.operation, &sweep)
                     });
                     Work {
-                        removed_units: removed.sum(),
+                        moved_units: moved.sum(),
                         ..told
                     }
                 }

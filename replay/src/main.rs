@@ -187,12 +187,12 @@ fn words(difference: &Difference) -> String {
             told,
             got,
         } => format!(
-            "in tick {tick} tool {} made {} cuts that removed {} units, and the recording says {} and {}",
+            "in tick {tick} tool {} made {} cuts that moved {} units, and the recording says {} and {}",
             slot + 1,
             got.cuts.len(),
-            got.removed_units,
+            got.moved_units,
             told.cuts.len(),
-            told.removed_units
+            told.moved_units
         ),
         Difference::Clay {
             tick,

@@ -330,7 +330,8 @@ impl Run {
             if let Fact::Cuts {
                 slot,
                 decided,
-                removed_units,
+                operation,
+                moved_units,
                 cuts,
                 ..
             } = fact
@@ -338,7 +339,8 @@ impl Run {
             {
                 *work = Work {
                     decided: Some(*decided),
-                    removed_units: *removed_units,
+                    operation: *operation,
+                    moved_units: *moved_units,
                     cuts: cuts.clone(),
                 };
             }
@@ -363,7 +365,8 @@ impl Run {
             }
             // Nothing is told of a tool that cut nothing and decided nothing.
             let is_other = told.cuts != got.cuts
-                || told.removed_units != got.removed_units
+                || told.operation != got.operation && !told.cuts.is_empty()
+                || told.moved_units != got.moved_units
                 || (told.decided.is_some() && told.decided != got.decided);
             if is_other && self.verdict.difference.is_none() {
                 self.verdict.difference = Some(Difference::Cuts {

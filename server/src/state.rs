@@ -100,6 +100,7 @@ pub(crate) fn session(shared: &SessionShared, thread: &ThreadState<'_>) -> Sessi
             epoch: mirrored.epoch,
         },
         tool: settings.spec.tool,
+        operation: settings.spec.operation,
         deadband: settings.parameters.deadband,
         tools: tools(&snapshot, record),
         storage: storage(shared, snapshot.revision),

@@ -21,8 +21,8 @@ pub use granted::{is_device_tick, lower};
 pub use handle_side::{HandleSide, HandleStep, Lease, LinkState, Retired};
 pub use known::{Known, is_nothing_new, is_same_loop};
 pub use parameters::{
-    FreshClayError, LoopModel, ParameterError, clay_shape, fresh_clay, material, tool_setup,
-    tool_shape,
+    FreshClayError, LoopModel, ParameterError, clay_shape, fresh_clay, material, operation,
+    tool_setup, tool_shape,
 };
 pub use received::{NotReceived, ReceivedClay};
 pub use tool_side::{CUTS_A_TICK, Permission, ToolSide, ToolStep};

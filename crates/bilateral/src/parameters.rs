@@ -6,8 +6,8 @@ use std::time::Duration;
 use teleclay_clay::classes::Layer;
 use teleclay_clay::{
     Ball, Blade, BladeDimensions, Classes, ClassesError, Clay, Coefficients, Cylinder, Material,
-    MaterialError, Shape, ShapeError, SteppedBlock, SteppedDimensions, Tool, ToolError, ToolShape,
-    WireLoop,
+    MaterialError, Operation, Shape, ShapeError, SteppedBlock, SteppedDimensions, Tool, ToolError,
+    ToolShape, WireLoop,
 };
 use teleclay_control::{
     DiscreteStateSpace, DiscretiseError, Inverse, InverseError, RationalError, RationalFunction,
@@ -19,7 +19,7 @@ use teleclay_link::motion_limiter::MotionLimits;
 use teleclay_link::replica::{CorrectionLimits, ToolSetup};
 use teleclay_link::safety::{ForceLimits, WatchdogTimes};
 use teleclay_link::scheme::{Coupling, SchemeContext};
-use teleclay_proto::http::{ClayShape, ClaySpec};
+use teleclay_proto::http::{self, ClayShape, ClaySpec};
 use teleclay_proto::join::LoopParameters;
 use teleclay_proto::{Axes, ToolDescription};
 
@@ -88,6 +88,16 @@ pub fn tool_shape(description: &ToolDescription) -> Result<ToolShape, ToolError>
             wire_diameter_m,
         } => ToolShape::Loop(WireLoop::new(ring_radius_m, wire_diameter_m)?),
     })
+}
+
+/// What tools do that are told to do this.
+#[must_use]
+pub const fn operation(of: http::Operation) -> Operation {
+    match of {
+        http::Operation::Cut => Operation::Cut,
+        http::Operation::Add => Operation::Add,
+        http::Operation::Smooth => Operation::Smooth,
+    }
 }
 
 /// The clay that a description describes.

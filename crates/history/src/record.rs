@@ -16,18 +16,20 @@
 
 use std::sync::Arc;
 
-use teleclay_clay::Pose;
+use teleclay_clay::{Operation, Pose};
 use teleclay_link::replica::Cut;
 use teleclay_link::safety::{Flaw, Implausible};
 use teleclay_session::{Event, EventKind, Exchange, Operator, Release, Settings, ToolCuts};
 
 use crate::bytes::{Malformed, Reader, put_number, put_signed, put_text};
-use crate::settings::{has_first_tools, put_settings, read_settings};
+use crate::settings::{put_settings, read_settings, version_of};
 
-/// The newest version that is read. It is written where settings name a tool that version 1 does not know, and version
-/// 1 elsewhere: a program that knows only that says then that a later one wrote the record.
-pub const VERSION: u8 = 2;
+/// The newest version that is read. A record is written as the oldest that knows all that is in it: 2 where settings
+/// name a tool that version 1 does not know, 3 where something is added or smoothed. A program that does not know that
+/// version says then that a later one wrote the record.
+pub const VERSION: u8 = WITH_OPERATIONS;
 const OLDEST: u8 = 1;
+const WITH_OPERATIONS: u8 = 3;
 
 /// Names of quantities that can put a tool into fault, by the byte that stands for each. New ones come at the end.
 const FIELDS: [&str; 11] = [
@@ -59,6 +61,10 @@ const STOPPED: u8 = 12;
 const STOP_CLEARED: u8 = 13;
 const RESERVATION_ENDED: u8 = 14;
 const PASSED: u8 = 15;
+const WORKED: u8 = 16;
+
+const ADD: u8 = 1;
+const SMOOTH: u8 = 2;
 
 /// What happened in a tick, in its order.
 #[derive(Clone, Debug, PartialEq)]
@@ -98,9 +104,11 @@ pub enum Fact {
         lease: u32,
         /// Sweeps of its handle up to this number were merged or refused.
         decided: u32,
-        /// What it removed, in units of 1/255 voxel.
-        removed_units: u64,
-        /// The cuts, in the order in which they were made.
+        /// What it did to the clay.
+        operation: Operation,
+        /// What it removed, added, or moved by smoothing, in units of 1/255 voxel.
+        moved_units: u64,
+        /// Its ways through the clay, in the order in which they were made.
         cuts: Vec<Cut>,
     },
     /// Something changed that is of no use after the process.
@@ -144,19 +152,27 @@ pub(crate) fn put_gone_on(out: &mut Vec<u8>, ownership_epoch: u32) {
 }
 
 pub(crate) fn put_cuts(out: &mut Vec<u8>, made: &ToolCuts<'_>) {
-    out.push(CUTS);
     let ToolCuts {
         slot,
         lease,
         decided,
-        removed_units,
+        operation,
+        moved_units,
         cuts,
     } = *made;
+    match operation {
+        Operation::Cut => out.push(CUTS),
+        Operation::Add => out.extend_from_slice(&[WORKED, ADD]),
+        Operation::Smooth => out.extend_from_slice(&[WORKED, SMOOTH]),
+    }
+    if operation != Operation::Cut {
+        is_of_version(out, WITH_OPERATIONS);
+    }
     for number in [
         slot as u64,
         lease.into(),
         decided.into(),
-        removed_units,
+        moved_units,
         cuts.len() as u64,
     ] {
         put_number(out, number);
@@ -293,10 +309,13 @@ fn put_given(out: &mut Vec<u8>, given: Option<u64>) {
 }
 
 /// Settings in a record, which begins where `out` does.
+/// The record that begins here has something that versions before this one do not know.
+fn is_of_version(record: &mut [u8], version: u8) {
+    record[0] = record[0].max(version);
+}
+
 fn put_settings_of_record(out: &mut Vec<u8>, settings: &Settings) {
-    if !has_first_tools(settings) {
-        out[0] = VERSION;
-    }
+    is_of_version(out, version_of(settings));
     put_settings(out, settings);
 }
 
@@ -359,7 +378,8 @@ impl Fact {
                 slot,
                 lease,
                 decided,
-                removed_units,
+                operation,
+                moved_units,
                 cuts,
             } => put_cuts(
                 out,
@@ -367,7 +387,8 @@ impl Fact {
                     slot: *slot,
                     lease: *lease,
                     decided: *decided,
-                    removed_units: *removed_units,
+                    operation: *operation,
+                    moved_units: *moved_units,
                     cuts,
                 },
             ),
@@ -397,7 +418,15 @@ impl Fact {
             GONE_ON => Ok(Self::GoneOn {
                 ownership_epoch: reader.small("the ownership epoch")?,
             }),
-            CUTS => read_cuts(reader),
+            CUTS => read_cuts(reader, Operation::Cut),
+            WORKED => match reader.byte("an operation")? {
+                ADD => read_cuts(reader, Operation::Add),
+                SMOOTH => read_cuts(reader, Operation::Smooth),
+                got => Err(Malformed::Value {
+                    what: "an operation",
+                    got: got.into(),
+                }),
+            },
             PASSED => Ok(Self::Passed {
                 revision: reader.number("the revision")?,
             }),
@@ -409,11 +438,11 @@ impl Fact {
     }
 }
 
-fn read_cuts(reader: &mut Reader<'_>) -> Result<Fact, Malformed> {
+fn read_cuts(reader: &mut Reader<'_>, operation: Operation) -> Result<Fact, Malformed> {
     let slot = reader.small::<u8>("a slot")?.into();
     let lease = reader.small("a lease")?;
     let decided = reader.small("the last sweep decided")?;
-    let removed_units = reader.number("what was removed")?;
+    let moved_units = reader.number("what was moved")?;
     let count: usize = reader.small("the count of cuts")?;
     // A cut has three bytes at least.
     if reader.left() < 3 * count.min(reader.left() + 1) {
@@ -436,7 +465,8 @@ fn read_cuts(reader: &mut Reader<'_>) -> Result<Fact, Malformed> {
         slot,
         lease,
         decided,
-        removed_units,
+        operation,
+        moved_units,
         cuts,
     })
 }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use teleclay_clay::{Clay, Sweep, ToolShape};
+use teleclay_clay::{Clay, Operation, Sweep, ToolShape};
 use teleclay_link::replica::Cut;
 use teleclay_session::{Event, EventKind, Exchange, ExchangedClay, Settings, Snapshot};
 
@@ -48,9 +48,9 @@ pub enum ReplayError {
         /// Why not.
         why: String,
     },
-    /// A tool removes another volume than the session that was recorded says.
+    /// A tool moves another volume than the session that was recorded says.
     #[error(
-        "tool {} removes {got} units of clay in tick {tick}, and the record says {told}",
+        "tool {} moves {got} units of clay in tick {tick}, and the record says {told}",
         slot + 1
     )]
     OtherRemoval {
@@ -60,7 +60,7 @@ pub enum ReplayError {
         slot: usize,
         /// What the record says, in units of 1/255 voxel.
         told: u64,
-        /// What the replay removes.
+        /// What the replay moves.
         got: u64,
     },
 }
@@ -70,6 +70,7 @@ pub enum ReplayError {
 struct Made {
     tick: u64,
     stroke: u64,
+    operation: Operation,
     cut: Cut,
 }
 
@@ -257,7 +258,8 @@ impl Replay {
         let first = self.made.partition_point(|made| made.tick <= after);
         for made in &self.made[first..] {
             if self.strokes.counts(made.stroke, exchange) {
-                exchanged.clay.carve(&sweep(self.shape, made.cut));
+                let sweep = sweep(self.shape, made.cut);
+                exchanged.clay.operate(made.operation, &sweep);
             }
         }
         exchanged.as_of_tick = self.session.tick;
@@ -279,10 +281,15 @@ impl Replay {
             Fact::Cuts {
                 slot,
                 decided,
-                removed_units,
+                operation,
+                moved_units,
                 cuts,
                 ..
-            } => self.apply_cuts(tick, slot, decided, removed_units, &cuts),
+            } => {
+                self.check_slot(tick, slot)?;
+                self.decided[slot] = decided;
+                self.apply_cuts(tick, slot, (operation, moved_units), &cuts)
+            }
             Fact::Passed { revision } => {
                 self.session.revision = revision;
                 Ok(())
@@ -295,18 +302,15 @@ impl Replay {
         &mut self,
         tick: u64,
         slot: usize,
-        decided: u32,
-        removed_units: u64,
+        (operation, moved_units): (Operation, u64),
         cuts: &[Cut],
     ) -> Result<(), ReplayError> {
-        self.check_slot(tick, slot)?;
-        self.decided[slot] = decided;
         let holder = self.session.tools[slot].holder.as_ref();
         let operator = holder.map(|holder| &*holder.operator);
         // A tool that was taken clears the place where it stands before anybody moves it.
         let is_moved = holder.is_some_and(|holder| holder.is_connected);
         let stroke = if is_moved {
-            self.strokes.on_cuts(tick, slot, operator, removed_units)
+            self.strokes.on_cuts(tick, slot, operator, moved_units)
         } else {
             NONE
         };
@@ -318,17 +322,18 @@ impl Replay {
             self.made.push(Made {
                 tick,
                 stroke,
+                operation,
                 cut: *cut,
             });
             if !self.is_stale {
-                got += self.clay.carve(&sweep(self.shape, *cut));
+                got += self.clay.operate(operation, &sweep(self.shape, *cut));
             }
         }
-        if self.checks && got != removed_units {
+        if self.checks && got != moved_units {
             return Err(ReplayError::OtherRemoval {
                 tick,
                 slot,
-                told: removed_units,
+                told: moved_units,
                 got,
             });
         }
@@ -431,7 +436,7 @@ impl Replay {
         let mut clay = self.base.clone();
         for made in &self.made {
             if self.strokes.counts(made.stroke, exchange) {
-                clay.carve(&sweep(self.shape, made.cut));
+                clay.operate(made.operation, &sweep(self.shape, made.cut));
             }
         }
         clay

@@ -2,16 +2,17 @@
 
 use std::sync::Arc;
 
-use teleclay_clay::ToolShape;
+use teleclay_clay::{Operation, ToolShape};
 use teleclay_session::Settings;
 
 use crate::bytes::{Malformed, Reader};
 
-/// Whether the tool is one that there was from the first version on.
-pub(crate) fn has_first_tools(settings: &Settings) -> bool {
-    match settings.tool_shape() {
-        ToolShape::Ball(_) | ToolShape::Blade(_) => true,
-        ToolShape::Cylinder(_) | ToolShape::Loop(_) => false,
+/// The first version that knows the tool, and what it does.
+pub(crate) fn version_of(settings: &Settings) -> u8 {
+    match (settings.operation(), settings.tool_shape()) {
+        (Operation::Add | Operation::Smooth, _) => 3,
+        (Operation::Cut, ToolShape::Cylinder(_) | ToolShape::Loop(_)) => 2,
+        (Operation::Cut, ToolShape::Ball(_) | ToolShape::Blade(_)) => 1,
     }
 }
 

@@ -12,10 +12,10 @@ use teleclay_session::{
 use crate::bytes::{Malformed, Reader, put_number, put_text};
 use crate::content;
 use crate::record::{put_fault, put_holder, read_fault, read_holder};
-use crate::settings::{has_first_tools, put_settings, read_settings};
+use crate::settings::{put_settings, read_settings, version_of};
 use crate::strokes::Strokes;
 
-const VERSION: u8 = 3;
+const VERSION: u8 = 4;
 /// From this version on a snapshot says whether the session is stopped.
 const WITH_STOP: u8 = 2;
 
@@ -160,11 +160,8 @@ struct Numbers {
 }
 
 fn put_numbers(out: &mut Vec<u8>, numbers: &Numbers, settings: &Settings) {
-    out.push(if has_first_tools(settings) {
-        WITH_STOP
-    } else {
-        VERSION
-    });
+    // Its versions are those of settings, but for the first.
+    out.push(WITH_STOP + version_of(settings) - 1);
     let [clay_epoch, ownership_epoch, next_lease, tools] = numbers.small.map(u64::from);
     for number in [
         numbers.tick,

@@ -7,13 +7,13 @@ use std::sync::Arc;
 
 use bench::{new_session, setup};
 use proptest::prelude::*;
-use teleclay_clay::{Pose, Sweep, ToolShape};
+use teleclay_clay::{Operation, Pose, Sweep, ToolShape};
 use teleclay_history::{Fact, Record, Recorder, Replay, State, content};
 use teleclay_link::replica::Cut;
 use teleclay_link::safety::{Flaw, Implausible};
 use teleclay_link::time::Timestamp;
-use teleclay_proto::ToolDescription;
-use teleclay_proto::http::NewSession;
+use teleclay_proto::http::{self, NewSession};
+use teleclay_proto::{Scheme, ToolDescription};
 use teleclay_session::{
     EventKind, Exchange, Operator, Release, Rules, Session, Settings, StopSnapshot, ToolSnapshot,
 };
@@ -104,6 +104,14 @@ fn kinds() -> impl Strategy<Value = EventKind> {
     ]
 }
 
+fn operation() -> impl Strategy<Value = Operation> {
+    prop_oneof![
+        Just(Operation::Cut),
+        Just(Operation::Add),
+        Just(Operation::Smooth)
+    ]
+}
+
 fn facts() -> impl Strategy<Value = Fact> {
     let pose = || any::<[i32; 3]>().prop_map(Pose::from_steps);
     let cuts = prop::collection::vec((pose(), pose(), any::<bool>()), 0..20).prop_map(|cuts| {
@@ -118,15 +126,23 @@ fn facts() -> impl Strategy<Value = Fact> {
         row
     });
     prop_oneof![
-        (0..8_usize, any::<u32>(), any::<u32>(), any::<u64>(), cuts).prop_map(
-            |(slot, lease, decided, removed_units, cuts)| Fact::Cuts {
-                slot,
-                lease,
-                decided,
-                removed_units,
-                cuts
-            }
-        ),
+        (
+            0..8_usize,
+            any::<[u32; 2]>(),
+            operation(),
+            any::<u64>(),
+            cuts
+        )
+            .prop_map(|(slot, [lease, decided], operation, moved_units, cuts)| {
+                Fact::Cuts {
+                    slot,
+                    lease,
+                    decided,
+                    operation,
+                    moved_units,
+                    cuts,
+                }
+            }),
         (settings(), any::<[u32; 3]>(), any::<Option<u64>>()).prop_map(
             |(settings, [clay_epoch, ownership_epoch, next_lease], given)| Fact::Begun {
                 settings,
@@ -202,7 +218,8 @@ fn a_stop_whose_releases_were_not_kept_leaves_nobody_with_a_tool_and_nothing_dec
         slot,
         lease,
         decided: 7,
-        removed_units: 0,
+        operation: Operation::Cut,
+        moved_units: 0,
         cuts: Vec::new(),
     };
     apply(1, vec![told(1, taken), cuts]);
@@ -230,10 +247,10 @@ fn a_stop_whose_releases_were_not_kept_leaves_nobody_with_a_tool_and_nothing_dec
     );
 }
 
-/// A program that knows ball and blade alone says of a session with another tool that a later one wrote it; what it can
-/// read is written as it writes it.
+/// A program that knows ball and blade alone says of a session with another tool, or one that does not cut, that a later
+/// one wrote it; what it can read is written as it writes it.
 #[test]
-fn only_what_names_a_later_tool_has_a_later_version() {
+fn only_what_names_a_later_tool_or_operation_has_a_later_version() {
     let ball = ToolDescription::Ball { radius_m: 0.004 };
     let blade = ToolDescription::Blade {
         width_m: 0.01,
@@ -248,10 +265,24 @@ fn only_what_names_a_later_tool_has_a_later_version() {
         ring_radius_m: 0.006,
         wire_diameter_m: 0.004,
     };
-    let versions = [(ball, 1, 2), (blade, 1, 2), (cylinder, 2, 3), (wire, 2, 3)];
-    for (tool, of_record, of_snapshot) in versions {
+    let (cut, add, smooth) = (
+        http::Operation::Cut,
+        http::Operation::Add,
+        http::Operation::Smooth,
+    );
+    let versions = [
+        (ball, cut, 1, 2),
+        (blade, cut, 1, 2),
+        (cylinder, cut, 2, 3),
+        (wire, cut, 2, 3),
+        (ball, add, 3, 4),
+        (wire, smooth, 3, 4),
+    ];
+    for (tool, operation, of_record, of_snapshot) in versions {
         let session = Session::new(setup(NewSession {
             tool,
+            operation,
+            scheme: Scheme::Tdpa,
             ..new_session(1)
         }));
         let mut recorder = Recorder::new(1);
@@ -297,10 +328,10 @@ fn a_damaged_snapshot_is_refused_or_is_another_state_and_never_panics() {
         }
         assert!(State::decode(&bytes[..at]).is_err());
     }
-    let newer = [&[4_u8][..], &bytes[1..]].concat();
+    let newer = [&[5_u8][..], &bytes[1..]].concat();
     let refusal = State::decode(&newer).unwrap_err().to_string();
     assert_eq!(
         refusal,
-        "version 4 is newer than 3, the newest that this program reads"
+        "version 5 is newer than 4, the newest that this program reads"
     );
 }

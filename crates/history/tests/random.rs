@@ -28,6 +28,7 @@ fn a_thousand_histories_are_their_sessions_bit_for_bit_at_every_point_tried() {
     assert!(200 < all.stops && 50 < all.grants && 1_000 < all.other_manners);
     assert!(50 < all.points_stopped && 300 < all.points_reserved);
     assert!(100 < all.earlier_bases && 10_000 < all.removing_ticks);
+    assert!(100 < all.adding_ticks && 100 < all.smoothing_ticks);
 }
 
 fn run(part: u64) -> Counts {

@@ -267,7 +267,7 @@ fn a_fresh_block_that_came_after_a_tick_has_none_of_its_cuts() {
     let frame = bench.hands[0].frame(bench.now, frame);
     session.handle_frame(bench.now, 0, &frame);
     session.tick(bench.now);
-    assert!(session.cuts().any(|made| 0 < made.removed_units));
+    assert!(session.cuts().any(|made| 0 < made.moved_units));
     session.carry_out(bench.now, &bench::reset(None)).unwrap();
     bench.live.record();
     assert_eq!(bench.live.session.clay().removed_units(), 0);

@@ -3,6 +3,7 @@
 use std::collections::VecDeque;
 
 use teleclay_bilateral::CUTS_A_TICK;
+use teleclay_clay::Operation;
 use teleclay_link::replica::Cut;
 
 /// Cuts that are remembered: an eighth of a second of eight tools that cut.
@@ -17,9 +18,11 @@ pub struct ToolCuts<'a> {
     pub lease: u32,
     /// Every sweep of its handle up to this number has been merged or refused; 0 under a scheme without sweeps.
     pub decided: u32,
-    /// What it removed, in units of 1/255 voxel.
-    pub removed_units: u64,
-    /// The cuts, in the order in which they were made.
+    /// What it did to the clay.
+    pub operation: Operation,
+    /// What it removed, added, or moved by smoothing, in units of 1/255 voxel.
+    pub moved_units: u64,
+    /// Its ways through the clay, in the order in which they were made.
     pub cuts: &'a [Cut],
 }
 
@@ -29,7 +32,8 @@ struct Entry {
     slot: usize,
     lease: u32,
     decided: u32,
-    removed_units: u64,
+    operation: Operation,
+    moved_units: u64,
     end: usize,
 }
 
@@ -38,7 +42,7 @@ pub(crate) struct Cuts {
     entries: Vec<Entry>,
     made: Vec<Cut>,
     /// With their ticks, oldest first.
-    remembered: VecDeque<(u64, Cut)>,
+    remembered: VecDeque<(u64, Operation, Cut)>,
     /// Everything made after this tick is remembered.
     complete_after: u64,
 }
@@ -65,17 +69,18 @@ impl Cuts {
         self.made.extend_from_slice(tool.cuts);
         for cut in tool.cuts {
             if REMEMBERED <= self.remembered.len()
-                && let Some((forgotten, _)) = self.remembered.pop_front()
+                && let Some((forgotten, ..)) = self.remembered.pop_front()
             {
                 self.complete_after = forgotten;
             }
-            self.remembered.push_back((tick, *cut));
+            self.remembered.push_back((tick, tool.operation, *cut));
         }
         self.entries.push(Entry {
             slot: tool.slot,
             lease: tool.lease,
             decided: tool.decided,
-            removed_units: tool.removed_units,
+            operation: tool.operation,
+            moved_units: tool.moved_units,
             end: self.made.len(),
         });
     }
@@ -88,15 +93,20 @@ impl Cuts {
                 slot: entry.slot,
                 lease: entry.lease,
                 decided: entry.decided,
-                removed_units: entry.removed_units,
+                operation: entry.operation,
+                moved_units: entry.moved_units,
                 cuts,
             })
         })
     }
 
-    /// Everything that was cut after a tick; `None` where that is not remembered.
-    pub(crate) fn after(&self, tick: u64) -> Option<impl ExactSizeIterator<Item = Cut>> {
-        let first = self.remembered.partition_point(|(made, _)| *made <= tick);
-        (self.complete_after <= tick).then(|| self.remembered.range(first..).map(|(_, cut)| *cut))
+    /// Everything that was done after a tick, in its order; `None` where that is not remembered.
+    pub(crate) fn after(
+        &self,
+        tick: u64,
+    ) -> Option<impl ExactSizeIterator<Item = (Operation, Cut)>> {
+        let first = self.remembered.partition_point(|(made, ..)| *made <= tick);
+        let since = || self.remembered.range(first..);
+        (self.complete_after <= tick).then(|| since().map(|(_, operation, cut)| (*operation, *cut)))
     }
 }

@@ -455,14 +455,17 @@ impl Session {
         } else {
             Permission::Work
         };
-        slot.last = side.step(now, &mut self.clay, &self.material, permission);
+        let operation = self.settings.operation();
+        let step = side.step(now, &mut self.clay, &self.material, operation, permission);
+        slot.last = step;
         self.cuts.clear();
         self.cuts.extend_from_slice(side.cuts());
         let made = ToolCuts {
             slot: number,
             lease: holder.lease,
             decided: side.sweeps_decided(),
-            removed_units: slot.last.removed_units,
+            operation,
+            moved_units: step.moved_units,
             cuts: side.cuts(),
         };
         self.made.push(self.ticks, &made);

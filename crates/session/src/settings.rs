@@ -3,8 +3,8 @@
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use teleclay_bilateral::{FreshClayError, clay_shape, fresh_clay, material, tool_shape};
-use teleclay_clay::{Clay, Material, ToolShape};
+use teleclay_bilateral::{FreshClayError, clay_shape, fresh_clay, material, operation, tool_shape};
+use teleclay_clay::{Clay, Material, Operation, ToolShape};
 use teleclay_link::conditioner;
 use teleclay_proto::ToolDescription;
 use teleclay_proto::http::{
@@ -93,6 +93,14 @@ impl Settings {
         if let Some(is_paused) = patch.paused {
             next.is_paused = is_paused;
         }
+        if let Some(operation) = patch.operation {
+            next.spec.operation = operation;
+        }
+        let checked = next.spec.operation.check_under(next.spec.scheme);
+        checked.map_err(|error| match patch.operation {
+            Some(_) => error,
+            None => FieldError::new("/scheme", error.detail),
+        })?;
         Ok(next)
     }
 
@@ -169,6 +177,11 @@ impl Settings {
     /// The shape of every tool.
     pub fn tool_shape(&self) -> ToolShape {
         proven_tool(&self.spec.tool).expect("settings hold tools that were proven")
+    }
+
+    /// What every tool does to the clay.
+    pub fn operation(&self) -> Operation {
+        operation(self.spec.operation)
     }
 
     /// What the lines do.

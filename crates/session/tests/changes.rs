@@ -7,7 +7,7 @@ use std::sync::Arc;
 use bench::{Bench, cutting, engaged_at, join, kinds, new_session, patch, reset, stroke};
 use teleclay_proto::Scheme;
 use teleclay_proto::frame::LoopStatus;
-use teleclay_proto::http::{ImpairmentPatch, MaterialPatch, NetworkPatch, SessionPatch};
+use teleclay_proto::http::{ImpairmentPatch, MaterialPatch, NetworkPatch, Operation, SessionPatch};
 use teleclay_session::{Command, Prepared, Refusal};
 
 /// All of a patch in one tick under one revision.
@@ -33,6 +33,7 @@ fn a_patch_is_one_revision_and_the_tool_frames_name_it() {
                 ..NetworkPatch::default()
             }),
             deadband: Some(0.07),
+            operation: Some(Operation::Smooth),
             paused: Some(true),
         }))
         .unwrap();

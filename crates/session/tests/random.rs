@@ -16,7 +16,7 @@ use teleclay_proto::frame::{
     CopyState, Engagement, HandleFrame, Header, MAX_FRAME, SweepRecord, ToolFrame,
 };
 use teleclay_proto::http::{
-    ClayReset, ClayShape, ImpairmentPatch, MaterialPatch, NetworkPatch, SessionPatch,
+    ClayReset, ClayShape, ImpairmentPatch, MaterialPatch, NetworkPatch, Operation, SessionPatch,
 };
 use teleclay_session::{
     Command, Event, EventKind, Operator, Release, RequestEnd, Session, Snapshot,
@@ -85,9 +85,10 @@ fn commands() -> impl Strategy<Value = Command> {
         prop::option::of((impairment.clone(), impairment)),
         number(0.0..0.5),
         prop::option::weighted(0.3, any::<bool>()),
+        prop::option::weighted(0.3, 0..Operation::ALL.len()),
     )
         .prop_map(
-            |(scheme, viscosity, lines, deadband, paused)| SessionPatch {
+            |(scheme, viscosity, lines, deadband, paused, operation)| SessionPatch {
                 scheme: scheme.map(|index| Scheme::ALL[index]),
                 material: viscosity.map(|viscosity_pa_s_per_m| MaterialPatch {
                     viscosity_pa_s_per_m,
@@ -98,6 +99,7 @@ fn commands() -> impl Strategy<Value = Command> {
                     down: Some(down),
                 }),
                 deadband,
+                operation: operation.map(|index| Operation::ALL[index]),
                 paused,
             },
         );
@@ -236,6 +238,8 @@ struct World {
     refused: u64,
     initial_units: u64,
     remaining_units: u64,
+    /// Whether tools added at the last check.
+    added: bool,
 }
 
 #[derive(Debug, Default, PartialEq, Eq)]
@@ -267,6 +271,7 @@ impl World {
             refused: 0,
             initial_units,
             remaining_units: initial_units,
+            added: false,
         }
     }
 
@@ -425,10 +430,13 @@ impl World {
             clay.removed_units() + clay.remaining_units(),
             clay.initial_units()
         );
+        // What it is told now, or was until this step.
+        let adds = session.settings().spec.operation == Operation::Add;
         assert!(
-            clay.remaining_units() <= self.remaining_units,
-            "clay does not come back"
+            clay.remaining_units() <= self.remaining_units || adds || self.added,
+            "clay does not come back by itself"
         );
+        self.added = adds;
         self.remaining_units = clay.remaining_units();
         // The fold of the events is the state, but for the tick, which goes on without events.
         let snapshot = Snapshot {

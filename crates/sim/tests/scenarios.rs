@@ -4,7 +4,7 @@
 use std::time::Duration;
 
 use teleclay_bilateral::{HandleSide, Lease, LinkState, Permission, ToolSide, material};
-use teleclay_clay::{Clay, Shape, SteppedBlock};
+use teleclay_clay::{Clay, Operation, Shape, SteppedBlock};
 use teleclay_link::conditioner::{Bursts, Impairment, JitterDistribution, Outages};
 use teleclay_link::safety::Implausible;
 use teleclay_link::time::Timestamp;
@@ -479,7 +479,13 @@ fn a_tool_that_was_just_seated_has_not_been_silent_since_the_server_began() {
     let material = material(&teleclay_proto::Material::default()).unwrap();
     let at = |ms: u64| Timestamp::from_nanos(1_000_000 * ms);
     for ms in [100_000, 100_040] {
-        side.step(at(ms), &mut clay, &material, Permission::Work);
+        side.step(
+            at(ms),
+            &mut clay,
+            &material,
+            Operation::Cut,
+            Permission::Work,
+        );
     }
     assert!((side.silence_s(at(100_040)) - 0.040).abs() < 1e-9);
     let mut frame = HandleFrame::default();

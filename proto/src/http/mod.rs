@@ -12,6 +12,7 @@ mod history;
 mod manners;
 mod materials;
 mod network;
+mod operation;
 mod patch;
 mod problem;
 mod read;
@@ -36,6 +37,7 @@ pub use manners::{
 };
 pub use materials::{MaterialPreset, Materials};
 pub use network::{Burst, Impairment, JitterDistribution, Network, Outage};
+pub use operation::Operation;
 pub use patch::{
     BurstPatch, ImpairmentPatch, MaterialPatch, NetworkPatch, OutagePatch, SessionPatch,
 };

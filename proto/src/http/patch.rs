@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use super::network::{Burst, Impairment, JitterDistribution, Network, Outage};
-use super::{Material, MaterialChoice, Scheme};
+use super::{Material, MaterialChoice, Operation, Scheme};
 use crate::validate::{FieldError, Validate, check};
 
 /// Body of `PATCH /sessions/{id}`.
@@ -43,6 +43,14 @@ pub struct SessionPatch {
         deserialize_with = "crate::validate::present"
     )]
     pub deadband: Option<f64>,
+    /// What the tools do to the clay from now on. Under the `replica` scheme they cut: it carries nothing else.
+    #[schema(nullable = false)]
+    #[serde(
+        default,
+        skip_serializing_if = "Option::is_none",
+        deserialize_with = "crate::validate::present"
+    )]
+    pub operation: Option<Operation>,
     /// Whether the tool is to rest.
     #[schema(nullable = false)]
     #[serde(

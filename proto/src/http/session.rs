@@ -5,8 +5,8 @@ use utoipa::ToSchema;
 
 use super::schema::Vector;
 use super::{
-    Axes, ClayHash, ClayShape, ClaySpec, Material, MaterialChoice, Network, Scheme, SessionId,
-    Stop, ToolDescription,
+    Axes, ClayHash, ClayShape, ClaySpec, Material, MaterialChoice, Network, Operation, Scheme,
+    SessionId, Stop, ToolDescription,
 };
 use crate::frame::{CopyState, SweepRefusal};
 use crate::validate::{FieldError, Validate, check, whole_within};
@@ -40,6 +40,10 @@ pub struct NewSession {
     /// The tool of every operator.
     #[serde(default)]
     pub tool: ToolDescription,
+    /// What every tool does to the clay. Under the `replica` scheme tools cut: it carries nothing else.
+    #[serde(default, skip_serializing_if = "Operation::is_cut")]
+    #[schema(required = false)]
+    pub operation: Operation,
     /// Share of a force or velocity whose change the hand cannot feel: frames that change less are left out. 0 leaves
     /// none out; a hand notices 0.07.
     #[serde(default)]
@@ -63,6 +67,7 @@ impl NewSession {
             network: Network::default(),
             clay: ClaySpec::default(),
             tool: ToolDescription::default(),
+            operation: Operation::default(),
             deadband: 0.0,
             tools: one(),
         }
@@ -75,6 +80,7 @@ impl Validate for NewSession {
         self.network.validate_under("/network")?;
         self.clay.validate_under("/clay")?;
         self.tool.validate_under("/tool")?;
+        self.operation.check_under(self.scheme)?;
         check(
             "/deadband",
             self.deadband,
@@ -127,6 +133,8 @@ pub struct Session {
     pub clay: ClayState,
     /// The shape of the tools.
     pub tool: ToolDescription,
+    /// What the tools do to the clay.
+    pub operation: Operation,
     /// Share of a force or velocity below which its change is not sent; 0 when every tick is.
     pub deadband: f64,
     /// Every tool, held or free, in the order of their `id`.

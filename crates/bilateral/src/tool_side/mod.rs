@@ -15,7 +15,7 @@ mod track;
 use std::sync::Arc;
 use std::time::Duration;
 
-use teleclay_clay::{Clay, ContactState, Material};
+use teleclay_clay::{Clay, ContactState, Material, Operation};
 use teleclay_control::State;
 use teleclay_link::Vec3;
 use teleclay_link::arrivals::{ArrivalCounts, Arrivals};
@@ -55,8 +55,8 @@ pub enum Permission {
 /// What one step did.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ToolStep {
-    /// What was removed, in units of 1/255 voxel.
-    pub removed_units: u64,
+    /// What was removed, added, or moved by smoothing, in units of 1/255 voxel.
+    pub moved_units: u64,
     /// Engaged area, m².
     pub engaged_area_m2: f64,
 }
@@ -306,12 +306,13 @@ impl ToolSide {
         Ok(())
     }
 
-    /// One tick in this clay.
+    /// One tick in this clay. Sweeps of the handle cut, whatever the operation.
     pub fn step(
         &mut self,
         now: Timestamp,
         clay: &mut Clay,
         material: &Material,
+        operation: Operation,
         permission: Permission,
     ) -> ToolStep {
         self.first_step.get_or_insert(now);
@@ -335,7 +336,7 @@ impl ToolSide {
                 let before = self.position;
                 self.follow(wanted);
                 self.velocity = (self.position - before) / tick_s;
-                let step = self.work(before, clay, material);
+                let step = self.work(before, clay, material, operation);
                 let port = self.port();
                 self.controller.moved(&port);
                 step

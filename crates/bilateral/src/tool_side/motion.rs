@@ -1,6 +1,6 @@
 //! Where the tool goes in a tick, and what it does to the clay.
 
-use teleclay_clay::{Clay, ContactState, Material, Motion, Pose};
+use teleclay_clay::{Clay, ContactState, Material, Motion, Operation, Pose};
 use teleclay_control::State;
 use teleclay_link::Vec3;
 use teleclay_link::motion_limiter::Setpoint;
@@ -83,7 +83,7 @@ impl ToolSide {
             self.handle.answers(felt);
         }
         ToolStep {
-            removed_units: merged.removed_units,
+            moved_units: merged.removed_units,
             engaged_area_m2: merged.engaged_area_m2,
         }
     }
@@ -133,7 +133,13 @@ impl ToolSide {
         }
     }
 
-    pub(super) fn work(&mut self, before: Vec3, clay: &mut Clay, material: &Material) -> ToolStep {
+    pub(super) fn work(
+        &mut self,
+        before: Vec3,
+        clay: &mut Clay,
+        material: &Material,
+        operation: Operation,
+    ) -> ToolStep {
         let pose =
             |displacement: Vec3| Pose::quantise((self.model.setup().home + displacement).into());
         let motion = pose(before).and_then(|from| Ok((from, pose(self.position)?)));
@@ -148,21 +154,22 @@ impl ToolSide {
             });
             return ToolStep::default();
         };
-        let worked = clay.work(
+        let worked = clay.work_as(
+            operation,
             &self.model.setup().tool,
             material,
             &motion,
             &mut self.contact,
         );
         self.clay_force = self.limited_force(worked.response.force_n.into());
-        if motion.from() != motion.to() || 0 < worked.removed_units {
+        if motion.from() != motion.to() || 0 < worked.moved_units {
             self.cuts.push(Cut {
                 from: motion.from(),
                 to: motion.to(),
             });
         }
         ToolStep {
-            removed_units: worked.removed_units,
+            moved_units: worked.moved_units,
             engaged_area_m2: worked.response.engaged_area_m2,
         }
     }

@@ -7,9 +7,9 @@ use teleclay_history::{Recorder, Replay, ReplayError, State, Whose};
 use teleclay_link::time::Timestamp;
 use teleclay_proto::Scheme;
 use teleclay_proto::frame::{CopyState, Engagement, HandleFrame, Header, SweepRecord};
-use teleclay_proto::http::{ClayReset, ClayShape, MaterialPatch, SessionPatch};
+use teleclay_proto::http::{ClayReset, ClayShape, MaterialPatch, Operation, SessionPatch};
 use teleclay_session::{
-    Command, Event, Exchange, Operator, Prepared, Refusal, Rules, Session, Snapshot,
+    Command, Event, Exchange, Operator, Prepared, Refusal, Rules, Session, Snapshot, ToolCuts,
 };
 
 use crate::bench::{TICK, new_session, setup};
@@ -25,6 +25,8 @@ pub(crate) struct Counts {
     pub(crate) fresh_blocks: u64,
     pub(crate) earlier_bases: u64,
     pub(crate) removing_ticks: u64,
+    pub(crate) adding_ticks: u64,
+    pub(crate) smoothing_ticks: u64,
     pub(crate) records: u64,
     pub(crate) bytes: u64,
     pub(crate) stops: u64,
@@ -43,6 +45,8 @@ impl Counts {
         self.fresh_blocks += other.fresh_blocks;
         self.earlier_bases += other.earlier_bases;
         self.removing_ticks += other.removing_ticks;
+        self.adding_ticks += other.adding_ticks;
+        self.smoothing_ticks += other.smoothing_ticks;
         self.records += other.records;
         self.bytes += other.bytes;
         self.stops += other.stops;
@@ -285,6 +289,12 @@ impl World {
         }
         let after = self.live.session.clay().removed_units();
         self.counts.removing_ticks += u64::from(before < after);
+        self.counts.adding_ticks += u64::from(after < before);
+        let smooths = |made: ToolCuts<'_>| {
+            made.operation == teleclay_clay::Operation::Smooth && 0 < made.moved_units
+        };
+        let smoothed = self.live.session.cuts().any(smooths);
+        self.counts.smoothing_ticks += u64::from(smoothed);
         self.now = self.now.after(TICK);
     }
 
@@ -351,12 +361,21 @@ impl World {
                     lease: None,
                 }
             }
-            8 => Command::Patch {
-                patch: SessionPatch {
-                    scheme: Some(Scheme::ALL[self.draw(Scheme::ALL.len() as u64) as usize]),
-                    ..SessionPatch::default()
-                },
-            },
+            8 => {
+                let scheme = Scheme::ALL[self.draw(Scheme::ALL.len() as u64) as usize];
+                let operation = if scheme == Scheme::Replica {
+                    Operation::Cut
+                } else {
+                    Operation::ALL[self.draw(Operation::ALL.len() as u64) as usize]
+                };
+                Command::Patch {
+                    patch: SessionPatch {
+                        scheme: Some(scheme),
+                        operation: Some(operation),
+                        ..SessionPatch::default()
+                    },
+                }
+            }
             _ => Command::Patch {
                 patch: SessionPatch {
                     paused: Some(self.draw(4) == 0),

@@ -252,7 +252,7 @@ impl Copy {
                 let worked =
                     self.clay
                         .work(&setup.tool, &setup.material, &motion, &mut self.contact);
-                (worked.response, worked.removed_units)
+                (worked.response, worked.moved_units)
             }
             Edge::Blunt => {
                 let felt = self

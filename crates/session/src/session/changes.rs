@@ -79,14 +79,15 @@ impl Session {
         }
         let since = self.made.after(parts.as_of_tick);
         let since = since.filter(|cuts| cuts.len() <= CUTS_MADE_UP_FOR);
-        for cut in since.ok_or(Refusal::CutMeanwhile {
+        for (operation, cut) in since.ok_or(Refusal::CutMeanwhile {
             as_of_tick: parts.as_of_tick,
         })? {
-            parts.clay.carve(&Sweep {
+            let sweep = Sweep {
                 shape: parts.shape,
                 from: cut.from,
                 to: cut.to,
-            });
+            };
+            parts.clay.operate(operation, &sweep);
         }
         std::mem::swap(&mut self.clay, &mut parts.clay);
         self.clay_epoch = self.clay_epoch.wrapping_add(1);

@@ -6,8 +6,8 @@ use serde_json::{Value, json};
 use teleclay_proto::frame::{CopyState, SweepRefusal};
 use teleclay_proto::http::{
     Burst, ClayHash, ClayReset, ClayShape, ClaySpec, ClayState, CorrectionsState, FieldError,
-    Impairment, JitterDistribution, Layer, LoopState, Material, Network, NewSession, Outage,
-    Preset, Problem, Quantiles, Session, SessionPatch, SessionState, Stop, StorageReport,
+    Impairment, JitterDistribution, Layer, LoopState, Material, Network, NewSession, Operation,
+    Outage, Preset, Problem, Quantiles, Session, SessionPatch, SessionState, Stop, StorageReport,
     StorageState, TickQuantiles, ToolState, parse,
 };
 use teleclay_proto::invite::InviteId;
@@ -126,6 +126,7 @@ pub(super) fn client_texts() -> Value {
                         ),
                         network: Some(full.into()),
                         deadband: Some(0.07),
+                        operation: Some(Operation::Smooth),
                         paused: Some(true),
                     }),
                 },
@@ -287,6 +288,7 @@ pub(super) fn join() -> Value {
                     layers: vec![Layer { thickness_m: 0.01, material: Preset::Foam.material() }],
                 },
                 tool: ToolDescription::Ball { radius_m: 0.0064 },
+                operation: Operation::Add,
                 deadband: 0.07,
                 tools: 8,
             }),
@@ -463,6 +465,7 @@ fn session() -> Session {
             epoch: 1,
         },
         tool: ToolDescription::default(),
+        operation: Operation::Cut,
         deadband: 0.07,
         tools: vec![ToolState {
             id: 1,

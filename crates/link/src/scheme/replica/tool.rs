@@ -222,7 +222,7 @@ impl ReplicaTool {
             velocity,
             force: Vec3::from(worked.response.force_n),
             engaged_area_m2: worked.response.engaged_area_m2,
-            removed_units: merged.removed_units + worked.removed_units,
+            removed_units: merged.removed_units + worked.moved_units,
             newest: Some(record.sequence),
         };
     }
