@@ -57,7 +57,7 @@ describe("a person in the browser", () => {
     const before = (await clay()).removed_units;
     const stalls = [3, 6];
     const paces: number[] = [];
-    const began_ms = performance.now();
+    const [began_ms, from_ms] = [performance.now(), Date.now()];
     for (let n = 0; performance.now() - began_ms < 1000 * DRAG_S; n += 1) {
       const t_s = (performance.now() - began_ms) / 1000;
       await page.page.mouse.move(x + 60 * Math.sin(2.4 * t_s), y + 25 * Math.sin(1.1 * t_s));
@@ -72,14 +72,19 @@ describe("a person in the browser", () => {
       const pace = n % 10 === 9 ? await page.number("loop-rate") : Number.NaN;
       if (Number.isFinite(pace)) paces.push(pace);
     }
+    const to_ms = Date.now();
     await page.page.mouse.up();
     await grasp(page, "released");
     recording = await recordingOf(page.page);
     expect((await clay()).removed_units).toBeGreaterThan(before);
-    const mean = paces.reduce((sum, pace) => sum + pace, 0) / paces.length;
-    process.stdout.write(`loop: ${mean.toFixed(0)} ticks/s on average, ${Math.min(...paces)} to ${Math.max(...paces)} over ${paces.length} looks\n`);
-    expect(paces.length).toBeGreaterThan(15);
+    // By the loop's own count; how often a page that draws in software can be asked says nothing of it.
+    const wakes = recording.wakes.filter(({ at_ms }) => from_ms < at_ms && at_ms <= to_ms);
+    const ticks = wakes.slice(1).reduce((sum, wake) => sum + wake.ticks, 0);
+    const mean = (1000 * ticks) / (wakes[wakes.length - 1].at_ms - wakes[0].at_ms);
+    process.stdout.write(`loop: ${mean.toFixed(1)} ticks/s on average over ${ticks} ticks; the page told ${Math.min(...paces)} to ${Math.max(...paces)}, ${paces.length} times\n`);
+    expect(ticks).toBeGreaterThan(0.95 * 1000 * DRAG_S);
     expect(Math.abs(mean - 1000)).toBeLessThan(20);
+    expect(paces.length).toBeGreaterThan(0);
     await page.keep("carving");
   });
 

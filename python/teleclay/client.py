@@ -132,7 +132,8 @@ class Client:
         self.call("DELETE", _of(session))
 
     def patch(self, session: str, **changes: Any) -> dict[str, Any]:
-        """Changes settings in one tick, or none of them: ``scheme``, ``material``, ``network``, ``deadband``, ``paused``."""
+        """Changes settings in one tick, or none of them: ``scheme``, ``material``, ``network``, ``deadband``,
+        ``operation``, ``paused``."""
         return dict(self.call("PATCH", _of(session), changes))
 
     def reset_clay(self, session: str, **block: Any) -> dict[str, Any]:

@@ -40,6 +40,8 @@ MUST_FIT = [
     "/cells",  # at most 100,000 in all
     "/since",  # not beside a tool
     "/arm_angles_deg",  # no two alike
+    "/operation",  # under a scheme that keeps the order of all that is done
+    "/scheme",
 ]
 
 # What nobody outside of the program knows.

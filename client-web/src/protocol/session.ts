@@ -6,6 +6,7 @@ import type { Check, Schemas } from "./api";
 
 export type Vector = Schemas["Vector"];
 export type Scheme = Schemas["Scheme"];
+export type Operation = Schemas["Operation"];
 export type ClayShape = Schemas["ClayShape"];
 export type ToolShape = Schemas["ToolDescription"];
 export type ToolState = Schemas["ToolState"];
@@ -40,6 +41,9 @@ export const vector = v.tuple([v.number(), v.number(), v.number()]) satisfies Ch
 
 export const SCHEMES = ["force_exchange", "position_force", "wave", "tdpa", "replica"] as const satisfies readonly Scheme[];
 export const scheme = v.picklist(SCHEMES) satisfies Check<"Scheme">;
+
+export const OPERATIONS = ["cut", "add", "smooth"] as const satisfies readonly Operation[];
+const operation = v.picklist(OPERATIONS) satisfies Check<"Operation">;
 
 const material = v.object({
   viscosity_pa_s_per_m: v.number(),
@@ -154,6 +158,7 @@ export const sessionSchema: v.GenericSchema<unknown, Session> = v.object({
     epoch: v.number(),
   }),
   tool: toolShape,
+  operation,
   deadband: v.number(),
   tools: v.array(toolState),
   position_ratio: v.number(),
@@ -216,6 +221,7 @@ export const patchSchema: Check<"SessionPatch"> = partial({
   material: partial(material.entries),
   network: partial({ up: impairmentPatch, down: impairmentPatch }),
   deadband: v.number(),
+  operation,
   paused: v.boolean(),
 });
 

@@ -23,6 +23,7 @@ export interface Settings {
   "/network/down/jitter_s": number;
   "/network/down/loss": number;
   "/deadband": number;
+  "/operation": NonNullable<SessionPatch["operation"]>;
 }
 export type Pointer = keyof Settings;
 export type NumberPointer = { [P in Pointer]: Settings[P] extends number ? P : never }[Pointer];
@@ -134,7 +135,7 @@ function entries(changes: Changes): [Pointer, Settings[Pointer]][] {
 
 /** Every one of them, in the order in which they are sent. */
 const EVERY: Readonly<Record<Pointer, true>> = {
-  "/scheme": true, "/paused": true, "/deadband": true,
+  "/scheme": true, "/paused": true, "/deadband": true, "/operation": true,
   "/material/viscosity_pa_s_per_m": true, "/material/yield_stress_pa": true, "/material/stiffness_pa": true,
   "/network/up/delay_s": true, "/network/up/jitter_s": true, "/network/up/loss": true,
   "/network/down/delay_s": true, "/network/down/jitter_s": true, "/network/down/loss": true,

@@ -20,6 +20,7 @@ export function fakeSession(change: Partial<Session> = {}): Session {
       hash: "0123456789abcdef", shape: { kind: "block", size_m: [0.128, 0.064, 0.064] }, epoch: 1,
     },
     tool: { kind: "ball", radius_m: 0.0064 },
+    operation: "cut",
     deadband: 0,
     tools: [{
       id: 1, operator: "Ada", connected: true, requests: [], reserved_for: null, position_m: [0, 0, 0], force_n: [0, 0, 0], handle_position_m: [0, 0, 0],

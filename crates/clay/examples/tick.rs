@@ -10,8 +10,8 @@
 use std::time::Instant;
 
 use teleclay_clay::{
-    Clay, ContactState, Cylinder, Material, MeshTool, MeshToolError, Motion, Pose, Shape, Tool,
-    ToolShape, WireLoop,
+    Clay, ContactState, Cylinder, Material, MeshTool, MeshToolError, Motion, Operation, Pose,
+    PoseError, STEPS_PER_METRE, Shape, Sweep, Tool, ToolShape, WireLoop,
 };
 
 const VOXEL_M: f64 = 5e-4;
@@ -29,6 +29,7 @@ struct Stroke {
     /// Height of the tool's pose above the middle of the block, in voxels.
     height: f64,
     direction: [f64; 3],
+    operation: Operation,
 }
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -51,6 +52,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 voxels,
                 height: 0.0,
                 direction: along,
+                operation: Operation::Cut,
             },
             Stroke {
                 name: "ball inside, along z",
@@ -58,6 +60,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 voxels,
                 height: 0.0,
                 direction: up,
+                operation: Operation::Cut,
             },
             Stroke {
                 name: "ball inside, diagonal",
@@ -65,6 +68,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 voxels,
                 height: 0.0,
                 direction: diagonal,
+                operation: Operation::Cut,
             },
             Stroke {
                 name: "ball half sunk, along x",
@@ -72,6 +76,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 voxels,
                 height: 0.5 * edge,
                 direction: along,
+                operation: Operation::Cut,
             },
             Stroke {
                 name: "blade 1 cm deep",
@@ -79,6 +84,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 voxels,
                 height: 0.5 * edge - 20.0,
                 direction: along,
+                operation: Operation::Cut,
             },
             Stroke {
                 name: "cylinder 1 cm deep",
@@ -86,6 +92,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 voxels,
                 height: 0.5 * edge - 20.0,
                 direction: along,
+                operation: Operation::Cut,
             },
             Stroke {
                 name: "cylinder, diagonal",
@@ -93,6 +100,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 voxels,
                 height: 0.0,
                 direction: diagonal,
+                operation: Operation::Cut,
             },
             Stroke {
                 name: "loop inside, along x",
@@ -100,6 +108,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 voxels,
                 height: 0.0,
                 direction: along,
+                operation: Operation::Cut,
             },
             Stroke {
                 name: "loop inside, diagonal",
@@ -107,6 +116,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 voxels,
                 height: 0.0,
                 direction: diagonal,
+                operation: Operation::Cut,
             },
             Stroke {
                 name: "mesh inside, along x",
@@ -114,6 +124,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 voxels,
                 height: 0.0,
                 direction: along,
+                operation: Operation::Cut,
             },
             Stroke {
                 name: "mesh inside, diagonal",
@@ -121,6 +132,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 voxels,
                 height: 0.0,
                 direction: diagonal,
+                operation: Operation::Cut,
             },
             Stroke {
                 name: "ball in air",
@@ -128,6 +140,23 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 voxels,
                 height: edge,
                 direction: along,
+                operation: Operation::Cut,
+            },
+            Stroke {
+                name: "ball adds, along x",
+                tool: ball.clone(),
+                voxels,
+                height: 0.0,
+                direction: along,
+                operation: Operation::Add,
+            },
+            Stroke {
+                name: "ball smooths, diagonal",
+                tool: ball.clone(),
+                voxels,
+                height: 0.0,
+                direction: diagonal,
+                operation: Operation::Smooth,
             },
         ] {
             stroke.run()?;
@@ -183,6 +212,21 @@ impl Stroke {
                 middle_m[axis] + way_m * self.direction[axis] + if axis == 2 { lift_m } else { 0.0 }
             }))
         };
+        if self.operation != Operation::Cut {
+            // Through clay that was cut half a voxel lower: there is something to fill, and to flatten.
+            let cut = |tick| -> Result<Pose, PoseError> {
+                let steps = place(tick)?.steps();
+                let lower = (0.5 * VOXEL_M * STEPS_PER_METRE) as i32;
+                Ok(Pose::from_steps([steps[0], steps[1], steps[2] - lower]))
+            };
+            if let Ok(tool) = &tool {
+                clay.carve(&Sweep {
+                    shape: *tool.shape(),
+                    from: cut(0)?,
+                    to: cut(ticks)?,
+                });
+            }
+        }
         let velocity_m_s = self.direction.map(|d| d * step_m / 1e-3);
         let mut ticks_s = Vec::with_capacity(ticks);
         let mut force_n = 0.0;
@@ -190,7 +234,7 @@ impl Stroke {
             let motion = Motion::new(place(tick)?, place(tick + 1)?, velocity_m_s)?;
             let start = Instant::now();
             let worked = match &tool {
-                Ok(tool) => clay.work(tool, &material, &motion, &mut contact),
+                Ok(tool) => clay.work_as(self.operation, tool, &material, &motion, &mut contact),
                 Err(mesh) => clay.work_mesh(mesh, &material, &motion, &mut contact),
             };
             ticks_s.push(start.elapsed().as_secs_f64());

@@ -50,7 +50,7 @@ use segment::Segment;
 use tables::BrickAt;
 
 pub(crate) use cleared::{Cleared, Start};
-pub(crate) use cover::{Part, covered};
+pub(crate) use cover::{Part, covered, end_bounds};
 pub(crate) use tables::Tables;
 
 /// Half width of the ramp from air to solid, in voxels.

@@ -5,6 +5,7 @@ use crate::engage::Tool;
 use crate::hash;
 use crate::law::{Coefficients, ContactState, Material, Motion};
 use crate::mesh_tool::MeshTool;
+use crate::operation::Operation;
 use crate::pose::Pose;
 use crate::shape::{Shape, SteppedBlock};
 use crate::sweep::Sweep;
@@ -17,6 +18,8 @@ pub const RODS: u64 = 0x3f93beac72aca6c4;
 
 /// What [`mesh`] must return on every machine.
 pub const MESH: u64 = 0x55a9f06b64eb9cb2;
+/// What [`operations`] must return on every machine.
+pub const OPERATIONS: u64 = 0x3cbdc7d98066e6d9;
 
 /// Cuts, feels and hashes by a fixed plan: strokes of a ball and of a blade, short and long, along the grid and across
 /// it, starting where the last one ended and out of nowhere, inside the clay and past it. The bits of every force and
@@ -95,6 +98,49 @@ pub fn mesh() -> u64 {
     hash::fold(digest, clay.hash())
 }
 
+/// Clay that is cut, added and smoothed in turns by every kind of tool.
+///
+/// # Panics
+/// Never: the plan's numbers are valid.
+#[must_use]
+pub fn operations() -> u64 {
+    let block = Shape::Block {
+        size_m: [0.048, 0.040, 0.036],
+    };
+    let mut clay = Clay::new(&block, 1e-3).expect("it fits");
+    let tools = [
+        ToolShape::ball(0.0057).expect("radius is in range"),
+        ToolShape::paper_blade(),
+        ToolShape::Cylinder(Cylinder::new(0.0043, 0.013).expect("lengths are in range")),
+        ToolShape::Loop(WireLoop::new(0.0062, 0.0027).expect("lengths are in range")),
+    ]
+    .map(Tool::new);
+    let material = Material::default();
+    let mut plan = Plan(0x736d_6f6f_7468_6564);
+    let mut digest = 0;
+    for stroke in 0..36 {
+        let operation = [Operation::Cut, Operation::Add, Operation::Smooth][stroke % 3];
+        let tool = &tools[stroke / 3 % tools.len()];
+        let mut contact = ContactState::default();
+        let mut at = plan.steps_within([0.046, 0.038, 0.034]);
+        let step = plan.steps_within([6e-4; 3]).map(|step| step - 5_000);
+        for _ in 0..16 {
+            let from = Pose::from_steps(at);
+            at = std::array::from_fn(|axis| at[axis] + step[axis]);
+            let velocity_m_s = step.map(|step| f64::from(step) * 1e3 / 16_777_216.0);
+            let motion =
+                Motion::new(from, Pose::from_steps(at), velocity_m_s).expect("the tool is slow");
+            let worked = clay.work_as(operation, tool, &material, &motion, &mut contact);
+            digest = hash::fold(digest, worked.moved_units);
+            for force_n in worked.response.force_n {
+                digest = hash::fold(digest, force_n.to_bits());
+            }
+        }
+        digest = hash::fold(digest, clay.hash());
+    }
+    digest
+}
+
 fn digest_of(shapes: [ToolShape; 2]) -> u64 {
     let mut clay = Clay::new(&Shape::Stepped(SteppedBlock::paper()), 1e-3)
         .expect("the paper's block fits a grid of millimetres");
@@ -160,5 +206,6 @@ mod tests {
         assert_eq!(digest(), DIGEST, "got {:#018x}", digest());
         assert_eq!(rods(), RODS, "got {:#018x}", rods());
         assert_eq!(mesh(), MESH, "got {:#018x}", mesh());
+        assert_eq!(operations(), OPERATIONS, "got {:#018x}", operations());
     }
 }

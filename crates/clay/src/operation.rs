@@ -26,7 +26,7 @@
 //! is found by halving; what whole units leave open goes to the first voxels. A tool that stands does nothing, and how
 //! much one does along a way does not depend on its speed, up to a voxel a sweep.
 
-use crate::carve::{Part, Tables, covered};
+use crate::carve::{Part, Tables, covered, end_bounds};
 use crate::changes::Changes;
 use crate::field::{BrickView, Field, SOLID};
 use crate::grid::{BRICK_EDGE, BRICK_VOXELS};
@@ -54,6 +54,7 @@ impl Operation {
     }
 }
 
+const EDGE: i32 = BRICK_EDGE as i32;
 /// Planes that a tool passes within a voxel, along each axis, when it smooths.
 const PLANES_PER_VOXEL: f64 = 4.0;
 /// That many planes take a voxel all the way.
@@ -119,7 +120,7 @@ impl Clone for Smoother {
 /// Where smoothing keeps what it works with. Allocates when a tool is larger than any before.
 #[derive(Debug, Default)]
 pub(crate) struct Smoother {
-    /// The region: the bricks that the tool reaches, with a border of one voxel.
+    /// The region: the voxels that the tool may cover, with a border of one voxel.
     field: Vec<u8>,
     /// What the tool leaves over.
     left: Vec<u8>,
@@ -199,56 +200,32 @@ impl Smoother {
     fn take_in(&mut self, field: &Field, tables: &mut Tables, sweep: &Sweep) -> Option<Region> {
         let grid = *field.grid();
         self.bricks.clear();
-        let (mut lowest, mut highest) = ([usize::MAX; 3], [0; 3]);
-        let bricks = &mut self.bricks;
-        covered(&grid, tables, sweep, Part::End, |brick, at, _| {
-            for axis in 0..3 {
-                lowest[axis] = lowest[axis].min(at[axis]);
-                highest[axis] = highest[axis].max(at[axis] + 1);
-            }
-            bricks.push((brick as u32, at.map(|at| at as u32)));
-        });
-        if self.bricks.is_empty() {
-            return None;
-        }
-        let region = Region {
-            first: lowest,
-            voxels: std::array::from_fn(|axis| (highest[axis] - lowest[axis]) * BRICK_EDGE + 2),
-        };
-        let count = region.voxels.iter().product();
+        let region = Region::about(end_bounds(&grid, sweep)?);
+        let count = region.count();
         self.field.clear();
         self.field.resize(count, 0);
         self.left.clear();
         self.left.resize(count, SOLID);
         self.sums.resize(count.max(self.sums.len()), 0);
         self.means.resize(count.max(self.means.len()), 0);
-        let left = &mut self.left;
-        covered(&grid, tables, sweep, Part::End, |_, at, voxels| {
-            region.for_rows(at, |row, place| {
-                left[place..place + BRICK_EDGE].copy_from_slice(&voxels[row..row + BRICK_EDGE]);
+        let (left, bricks) = (&mut self.left, &mut self.bricks);
+        covered(&grid, tables, sweep, Part::End, |brick, at, voxels| {
+            bricks.push((brick as u32, at.map(|at| at as u32)));
+            region.for_rows(at, false, |row, place, count| {
+                left[place..place + count].copy_from_slice(&voxels[row..row + count]);
             });
         });
         region.read(field, &mut self.field);
-        Some(region)
+        (!self.bricks.is_empty()).then_some(region)
     }
 
     /// Sums of each voxel and its neighbours, 64 times their mean.
     fn mean(&mut self, region: &Region) {
-        let count = region.voxels.iter().product::<usize>();
+        let count = region.count();
         let [x, y, _] = region.voxels;
-        let three = |before: u16, here: u16, after: u16| before + 2 * here + after;
-        let (field, sums, means) = (&self.field, &mut self.sums, &mut self.means);
-        for at in 1..count - 1 {
-            let [a, b, c] = [field[at - 1], field[at], field[at + 1]].map(u16::from);
-            sums[at] = three(a, b, c);
-        }
-        for at in x + 1..count - x - 1 {
-            means[at] = three(sums[at - x], sums[at], sums[at + x]);
-        }
-        let layer = x * y;
-        for at in layer + x + 1..count - layer - x - 1 {
-            sums[at] = three(means[at - layer], means[at], means[at + layer]);
-        }
+        weigh(&self.field[..count], &mut self.sums[..count], 1);
+        weigh(&self.sums[..count], &mut self.means[..count], x);
+        weigh(&self.means[..count], &mut self.sums[..count], x * y);
     }
 
     fn find_active(&mut self, region: &Region, planes: i32) {
@@ -256,8 +233,8 @@ impl Smoother {
         for (_, brick) in &self.bricks {
             let (field, left, sums) = (&self.field, &self.left, &self.sums);
             let active = &mut self.active;
-            region.for_rows(brick.map(|at| at as usize), |_, place| {
-                for at in place..place + BRICK_EDGE {
+            region.for_rows(brick.map(|at| at as usize), false, |_, place, count| {
+                for at in place..place + count {
                     let (old, sum) = (i32::from(field[at]), i32::from(sums[at]));
                     if left[at] == SOLID || sum == 64 * old && (old == 0 || old == SOLID.into()) {
                         continue;
@@ -310,10 +287,9 @@ impl Smoother {
     fn give_back(&self, region: &Region, field: &mut Field, changes: &mut Changes) {
         let revision = changes.upcoming();
         for &(brick, at) in &self.bricks {
-            let mut voxels = [0; BRICK_VOXELS];
-            region.for_rows(at.map(|at| at as usize), |row, place| {
-                voxels[row..row + BRICK_EDGE]
-                    .copy_from_slice(&self.field[place..place + BRICK_EDGE]);
+            let mut voxels = content(field.view(brick as usize));
+            region.for_rows(at.map(|at| at as usize), false, |row, place, count| {
+                voxels[row..row + count].copy_from_slice(&self.field[place..place + count]);
             });
             if field.replace(brick as usize, BrickView::Voxels(&voxels)) {
                 changes.mark(brick as usize, revision);
@@ -322,73 +298,105 @@ impl Smoother {
     }
 }
 
-/// Whole bricks with a border of one voxel all around.
+/// Of each number and those `apart` before and behind it: the sum, weighted 1 2 1. Those at either end stay as they are.
+fn weigh<T: Copy + Into<u16>>(of: &[T], into: &mut [u16], apart: usize) {
+    let (before, here, after) = (of, &of[apart..], &of[2 * apart..]);
+    let three = before.iter().zip(here).zip(after);
+    for (sum, ((&a, &b), &c)) in into[apart..].iter_mut().zip(three) {
+        *sum = a.into() + 2 * b.into() + c.into();
+    }
+}
+
+/// The voxels that a tool may cover, with a border of one voxel all around.
 struct Region {
-    first: [usize; 3],
+    /// The border's first voxel.
+    first: [i32; 3],
     voxels: [usize; 3],
 }
 
+/// What a region and a brick have in common along an axis.
+struct Common {
+    /// In the region.
+    from: usize,
+    count: usize,
+    /// In the brick.
+    within: usize,
+}
+
 impl Region {
-    /// For each row of a brick of the region: where it begins in the brick, and where in the region.
-    fn for_rows(&self, brick: [usize; 3], mut each: impl FnMut(usize, usize)) {
-        let [x, y, z] =
-            std::array::from_fn(|axis| (brick[axis] - self.first[axis]) * BRICK_EDGE + 1);
-        for row in 0..BRICK_EDGE * BRICK_EDGE {
-            let (y, z) = (y + row % BRICK_EDGE, z + row / BRICK_EDGE);
-            each(
-                row * BRICK_EDGE,
-                (z * self.voxels[1] + y) * self.voxels[0] + x,
-            );
+    fn about(bounds: [[i32; 2]; 3]) -> Self {
+        Self {
+            first: bounds.map(|[first, _]| first - 1),
+            voxels: bounds.map(|[first, end]| (end - first) as usize + 2),
+        }
+    }
+
+    fn count(&self) -> usize {
+        self.voxels.iter().product()
+    }
+
+    /// With the border, or without.
+    fn common(&self, axis: usize, brick: usize, border: bool) -> Common {
+        let edge = i32::from(!border);
+        let (first, begins) = (self.first[axis], brick as i32 * EDGE);
+        let end = (first + self.voxels[axis] as i32 - edge).min(begins + EDGE);
+        let from = (first + edge).max(begins);
+        Common {
+            from: (from - first) as usize,
+            count: (end - from).max(0) as usize,
+            within: (from - begins) as usize,
+        }
+    }
+
+    /// For each row that a brick and the region have in common, where it begins in the brick, where in the region, and
+    /// how long it is.
+    fn for_rows(&self, brick: [usize; 3], border: bool, mut each: impl FnMut(usize, usize, usize)) {
+        let [x, y, z] = std::array::from_fn(|axis| self.common(axis, brick[axis], border));
+        if x.count == 0 {
+            return;
+        }
+        for layer in 0..z.count {
+            for row in 0..y.count {
+                let in_brick = (z.within + layer) * BRICK_EDGE + y.within + row;
+                let in_region = (z.from + layer) * self.voxels[1] + y.from + row;
+                each(
+                    in_brick * BRICK_EDGE + x.within,
+                    in_region * self.voxels[0] + x.from,
+                    x.count,
+                );
+            }
         }
     }
 
     /// Reads all of it; air outside the grid.
     fn read(&self, field: &Field, into: &mut [u8]) {
         let bricks = field.grid().bricks().map(usize::from);
-        let count: [usize; 3] = std::array::from_fn(|axis| (self.voxels[axis] - 2) / BRICK_EDGE);
-        // With a brick more on each side, of which only the border is read.
-        for z in 0..count[2] + 2 {
-            for y in 0..count[1] + 2 {
-                for x in 0..count[0] + 2 {
-                    let near = [x, y, z];
-                    let at: [usize; 3] =
-                        std::array::from_fn(|axis| (self.first[axis] + near[axis]).wrapping_sub(1));
-                    if (0..3).any(|axis| bricks[axis] <= at[axis]) {
+        let [along_x, along_y, along_z]: [std::ops::Range<usize>; 3] =
+            std::array::from_fn(|axis| {
+                let (first, end) = (
+                    self.first[axis],
+                    self.first[axis] + self.voxels[axis] as i32,
+                );
+                let end = ((end - 1).div_euclid(EDGE) + 1).max(0) as usize;
+                first.div_euclid(EDGE).max(0) as usize..end.min(bricks[axis])
+            });
+        for z in along_z {
+            for y in along_y.clone() {
+                for x in along_x.clone() {
+                    let view = field.view((z * bricks[1] + y) * bricks[0] + x);
+                    if view == BrickView::Empty {
                         continue;
                     }
-                    let dense = (at[2] * bricks[1] + at[1]) * bricks[0] + at[0];
-                    self.read_brick(field.view(dense), near, into);
-                }
-            }
-        }
-    }
-
-    /// Reads what the region has of a brick, `near` counted from the brick before the region's first.
-    fn read_brick(&self, view: BrickView<'_>, near: [usize; 3], into: &mut [u8]) {
-        if view == BrickView::Empty {
-            return;
-        }
-        // Voxels of the region that are in the brick, along each axis, and where the brick begins among them.
-        let along: [(usize, usize, usize); 3] = std::array::from_fn(|axis| {
-            let begins = near[axis] * BRICK_EDGE + 1;
-            let first = begins.saturating_sub(BRICK_EDGE);
-            let end = begins.min(self.voxels[axis]);
-            let skipped = (first + BRICK_EDGE) - begins;
-            (first, end, skipped)
-        });
-        let [(x, x_end, x_in), (y, y_end, y_in), (z, z_end, z_in)] = along;
-        for layer in z..z_end {
-            for row in y..y_end {
-                let place = (layer * self.voxels[1] + row) * self.voxels[0];
-                let to = &mut into[place + x..place + x_end];
-                match view {
-                    BrickView::Empty => {}
-                    BrickView::Full => to.fill(SOLID),
-                    BrickView::Voxels(voxels) => {
-                        let (row, layer) = (y_in + row - y, z_in + layer - z);
-                        let from = (layer * BRICK_EDGE + row) * BRICK_EDGE + x_in;
-                        to.copy_from_slice(&voxels[from..from + to.len()]);
-                    }
+                    self.for_rows([x, y, z], true, |row, place, count| {
+                        let to = &mut into[place..place + count];
+                        match view {
+                            BrickView::Empty => {}
+                            BrickView::Full => to.fill(SOLID),
+                            BrickView::Voxels(voxels) => {
+                                to.copy_from_slice(&voxels[row..row + count]);
+                            }
+                        }
+                    });
                 }
             }
         }

@@ -13,8 +13,8 @@
 //! Where records are kept is somebody else's business. *Snapshot and the records that follow it are the session*, bit
 //! for bit: clay, settings, holders, revision and epochs (`tests/random.rs`). The motion of tools is not in them.
 //!
-//! Undo needs no inverse of a cut. Cuts have no order, so the clay without a stroke is the block before it with every
-//! other cut.
+//! Undo needs no inverse of a cut: the clay without a stroke is the block before it with everything else that was done,
+//! in its order. Among cuts the order would not matter; where clay was added or smoothed it does.
 
 pub mod content;
 pub mod ledger;

@@ -18,10 +18,11 @@ use teleclay_sim::rig::{Rig, Setup};
 pub type Digest = (&'static str, fn() -> u64);
 
 /// Every digest.
-pub const DIGESTS: [Digest; 14] = [
+pub const DIGESTS: [Digest; 15] = [
     ("clay", teleclay_clay::golden::digest),
     ("clay_rods", teleclay_clay::golden::rods),
     ("clay_mesh", teleclay_clay::golden::mesh),
+    ("clay_operations", teleclay_clay::golden::operations),
     ("surface", surface),
     ("loop_force_exchange", || run(Scheme::ForceExchange)),
     ("loop_position_force", || run(Scheme::PositionForce)),

@@ -8,6 +8,7 @@ import { live } from "../store";
 import { ClayFiles } from "./clay_files";
 import { MaterialControls } from "./material_controls";
 import { NetworkControls } from "./network_controls";
+import { OperationControls } from "./operation_controls";
 import { Recordings } from "./recordings";
 import { SchemeControls } from "./scheme_controls";
 import { Story } from "./story";
@@ -22,6 +23,7 @@ export function Controls(): JSX.Element {
       <Story />
       <SchemeControls />
       <NetworkControls />
+      <OperationControls />
       <MaterialControls />
       <Notices />
     </fieldset>

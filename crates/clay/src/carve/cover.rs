@@ -37,6 +37,41 @@ pub(crate) fn covered(
     take_solids(&sweep, &segment, Start::Unknown, &mut cover);
 }
 
+/// Voxels of a grid that the tool may cover where the sweep ends, along each axis from the first up to but not
+/// including the last; `None` where there are none.
+pub(crate) fn end_bounds(grid: &Grid, sweep: &Sweep) -> Option<[[i32; 2]; 3]> {
+    let sweep = Sweep {
+        from: sweep.to,
+        ..*sweep
+    };
+    let segment = Segment::new(&sweep, grid.voxel_size_m());
+    let mut bounds = Bounds { grid, within: None };
+    take_solids(&sweep, &segment, Start::Unknown, &mut bounds);
+    bounds.within
+}
+
+struct Bounds<'a> {
+    grid: &'a Grid,
+    within: Option<[[i32; 2]; 3]>,
+}
+
+impl Take for Bounds<'_> {
+    fn take<S: Solid>(&mut self, solid: &S) {
+        self.within = within(self.grid, solid);
+    }
+}
+
+/// Voxels of the grid that a solid may change, if there are any.
+fn within(grid: &Grid, solid: &impl Solid) -> Option<[[i32; 2]; 3]> {
+    let (voxels, bounds) = (grid.voxels().map(i32::from), solid.bounds());
+    let within: [[i32; 2]; 3] =
+        std::array::from_fn(|axis| [bounds[axis][0].max(0), bounds[axis][1].min(voxels[axis])]);
+    within
+        .iter()
+        .all(|[first, end]| first < end)
+        .then_some(within)
+}
+
 struct Cover<'a, F> {
     grid: &'a Grid,
     tables: &'a mut Tables,
@@ -46,12 +81,9 @@ struct Cover<'a, F> {
 impl<F: FnMut(usize, [usize; 3], &[u8; BRICK_VOXELS])> Take for Cover<'_, F> {
     fn take<S: Solid>(&mut self, solid: &S) {
         let voxels = self.grid.voxels().map(i32::from);
-        let bounds = solid.bounds();
-        let within: [[i32; 2]; 3] =
-            std::array::from_fn(|axis| [bounds[axis][0].max(0), bounds[axis][1].min(voxels[axis])]);
-        if within.iter().any(|[first, end]| end <= first) {
+        let Some(within) = within(self.grid, solid) else {
             return;
-        }
+        };
         let bricks = within.map(|[first, end]| [first / EDGE, (end - 1) / EDGE + 1]);
         let [along_x, along_y, along_z] = bricks.map(|[first, end]| first as usize..end as usize);
         let [bricks_x, bricks_y, _] = self.grid.bricks().map(usize::from);
