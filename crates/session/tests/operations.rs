@@ -33,9 +33,9 @@ fn refused_at(refusal: Option<Refusal>) -> &'static str {
 /// What was cut is put back, and smoothed, by the same hand; the settings say so, and the events.
 #[test]
 fn a_tool_cuts_adds_and_smooths_as_it_is_told() {
-    // The first moves by forces, and these frames have none.
-    for scheme in &OTHERS[1..] {
-        let mut bench = Bench::new(cutting(*scheme));
+    // The others move by forces and waves, and these frames have none.
+    for scheme in [Scheme::PositionForce, Scheme::Tdpa] {
+        let mut bench = Bench::new(cutting(scheme));
         let mut ada = bench.join("Ada").unwrap();
         bench.run(600, &mut [&mut ada], stroke);
         let removed = bench.session.clay().removed_units();
