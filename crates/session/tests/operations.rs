@@ -55,8 +55,8 @@ fn a_tool_cuts_adds_and_smooths_as_it_is_told() {
         bench.command(&patch(told(Operation::Smooth))).unwrap();
         let hash = bench.session.clay().clone().hash();
         let mut moved = 0;
-        for _ in 0..600 {
-            bench.run(1, &mut [&mut ada], stroke);
+        for tick in 0..600 {
+            bench.run(1, &mut [&mut ada], |_| stroke(tick));
             for made in bench.session.cuts() {
                 assert_eq!(made.operation, teleclay_clay::Operation::Smooth);
                 moved += made.moved_units;
