@@ -20,7 +20,7 @@ export function OperationControls(): JSX.Element {
   return (
     <section class="group" data-edit={edit.name} data-testid="/operation">
       <h2 id="operation">Tools</h2>
-      <div class="schemes" role="radiogroup" aria-labelledby="operation">
+      <div class="schemes in-a-row" role="radiogroup" aria-labelledby="operation">
         {OPERATIONS.map((operation) => (
           <label key={operation} title={OPERATION_WORDS[operation].says}>
             <input
