@@ -7,12 +7,13 @@
 use std::io;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::thread::{JoinHandle, Thread};
+use std::thread::JoinHandle;
 use std::time::Duration;
 
 use rtrb::{Consumer, Producer, RingBuffer};
 use teleclay_proto::frame::{HandleFrame, MAX_FRAME};
 use teleclay_shell::Clock;
+use teleclay_shell::beside::{Beside, Waking};
 
 /// Frames that may wait: more than the ticks that are made up for after a suspension, so that none of those is lost
 /// here.
@@ -45,7 +46,7 @@ impl Counts {
 /// The tick's end.
 pub(crate) struct Outbox {
     frames: Producer<HandleFrame>,
-    sender: Thread,
+    sender: Waking,
 }
 
 impl Outbox {
@@ -55,7 +56,7 @@ impl Outbox {
     /// The sender is stuck and the ring is full: the frame is lost.
     pub(crate) fn push(&mut self, frame: &HandleFrame) -> Result<(), Full> {
         let pushed = self.frames.push(frame.clone());
-        self.sender.unpark();
+        self.sender.wake();
         pushed.map_err(|_| Full)
     }
 }
@@ -84,15 +85,17 @@ impl Sender {
         let (frames, waiting) = RingBuffer::new(WAITING);
         let stop = Arc::new(AtomicBool::new(false));
         let counts = Arc::new(Counts::default());
+        let beside = Beside::new();
+        let place = beside.place();
         let thread = {
             let (stop, counts) = (Arc::clone(&stop), Arc::clone(&counts));
             std::thread::Builder::new()
                 .name("handle-send".to_owned())
-                .spawn(move || send(clock, waiting, &stop, &counts, put))?
+                .spawn(move || send(clock, waiting, beside, &stop, &counts, put))?
         };
         let outbox = Outbox {
             frames,
-            sender: thread.thread().clone(),
+            sender: place.waking(thread.thread()),
         };
         Ok((
             outbox,
@@ -124,6 +127,7 @@ impl Drop for Sender {
 fn send(
     clock: Clock,
     mut waiting: Consumer<HandleFrame>,
+    mut beside: Beside,
     stop: &AtomicBool,
     counts: &Counts,
     mut put: impl FnMut(&[u8]) -> bool,
@@ -133,6 +137,7 @@ fn send(
         let Ok(frame) = waiting.pop() else {
             // A push between the look above and this line has left its token, so this returns at once.
             std::thread::park();
+            beside.follow();
             continue;
         };
         let age_ns = clock.now_ns().saturating_sub(frame.header.sent_ns);

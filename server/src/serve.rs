@@ -97,7 +97,7 @@ impl Server {
         let sender = Sender::spawn()?;
         let collector = Collector::spawn()?;
         let (notices, notices_out) = mpsc::channel();
-        let (engines, outgoing) = Engine::threads(settings.tick_threads, Some(&sender.thread()));
+        let (engines, outgoing) = Engine::threads(settings.tick_threads, Some(sender.waking()));
         let (mut loops, mut threads, mut from_threads) = (Vec::new(), Vec::new(), Vec::new());
         for Threaded { engine, waker } in engines {
             let (realtime, ends) = Realtime::new(engine, clock, CAPACITIES);

@@ -2,6 +2,7 @@
 //! between such a thread and everybody else, Zenoh sessions that open nothing they were not told to open, the
 //! certificates that some of them show, and the log.
 
+pub mod beside;
 pub mod certificate;
 mod clock;
 pub mod endpoint;

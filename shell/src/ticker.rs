@@ -174,6 +174,11 @@ impl Drop for Ticker {
     }
 }
 
+/// The time that deadlines are told in, ns.
+pub(crate) fn now_ns() -> u64 {
+    platform::now_ns()
+}
+
 /// Processor time that the calling thread has taken so far, ns: what others take from it meanwhile is not in it.
 pub fn thread_time_ns() -> u64 {
     platform::thread_time_ns()

@@ -27,7 +27,6 @@ impl Operation {
 
     /// Whether it is what it is where nobody says anything.
     #[must_use]
-    #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde asks by reference")]
     pub const fn is_cut(&self) -> bool {
         matches!(self, Self::Cut)
     }

@@ -19,7 +19,6 @@ mod running;
 mod tests;
 
 use std::sync::Arc;
-use std::thread::Thread;
 use std::time::Duration;
 
 use rtrb::{Consumer, Producer, RingBuffer};
@@ -31,6 +30,7 @@ use teleclay_proto::frame::{HandleFrame, ToolFrame};
 use teleclay_proto::http::{ClayShape, MAX_TOOLS};
 use teleclay_recording::Tap;
 use teleclay_session::{Outcome, Prepared, Refusal};
+use teleclay_shell::beside::Waking;
 use teleclay_shell::realtime::{Capacities, Claim, Machine, Out, Timing};
 use teleclay_shell::ticker::{Tick, Waker};
 use tokio::sync::oneshot;
@@ -175,7 +175,7 @@ pub(crate) struct Engine {
     #[allow(clippy::vec_box, reason = "see above")]
     running: Vec<Box<Running>>,
     outgoing: Producer<Outgoing>,
-    sender: Option<Thread>,
+    sender: Option<Waking>,
     /// Sessions that come from other threads.
     arriving: Vec<Consumer<Box<Running>>>,
     /// The way to each thread; none to itself.
@@ -202,7 +202,7 @@ pub(crate) struct Threaded {
 impl Engine {
     /// So many machines without a session, from each of which sessions can go to every other. `sender` is woken when
     /// frames wait to leave.
-    pub(crate) fn threads(count: usize, sender: Option<&Thread>) -> (Vec<Threaded>, Leaving) {
+    pub(crate) fn threads(count: usize, sender: Option<&Waking>) -> (Vec<Threaded>, Leaving) {
         let wakers: Vec<Waker> = (0..count).map(|_| Waker::default()).collect();
         let mut leaving = Vec::with_capacity(count);
         let mut threads: Vec<Threaded> = (0..count)
@@ -213,7 +213,10 @@ impl Engine {
                     thread,
                     running: Vec::with_capacity(MAX_SESSIONS),
                     outgoing,
-                    sender: sender.cloned(),
+                    sender: sender.map(|sender| match count {
+                        1 => sender.clone(),
+                        _ => sender.by_one_of_several(),
+                    }),
                     arriving: Vec::with_capacity(count),
                     ways: Vec::with_capacity(count),
                     at: ThreadTick::of(thread),
@@ -374,7 +377,7 @@ impl Machine for Engine {
             overflowed += stepped.overflowed;
         }
         if leaves && let Some(sender) = &self.sender {
-            sender.unpark();
+            sender.wake();
         }
         self.send_away();
         out.count_overflowed(overflowed);

@@ -4,7 +4,7 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread::{JoinHandle, Thread};
+use std::thread::JoinHandle;
 use std::time::Duration;
 
 use teleclay_channel::{Purpose, TRAILER};
@@ -12,6 +12,7 @@ use teleclay_proto::RealmName;
 use teleclay_proto::frame::{HandleFrame, MAX_FRAME};
 use teleclay_proto::keys::SessionKeys;
 use teleclay_shell::Clock;
+use teleclay_shell::beside::{Beside, Waking};
 use teleclay_shell::network::CONTROL_QOS;
 use tokio::sync::watch;
 use zenoh::Session;
@@ -30,6 +31,7 @@ const SENDER_NAP: Duration = Duration::from_millis(100);
 pub(crate) struct Sender {
     pub(super) stop: Arc<AtomicBool>,
     pub(super) thread: JoinHandle<()>,
+    waking: Waking,
     pub(super) start: std::sync::mpsc::Sender<Sending>,
 }
 
@@ -52,22 +54,25 @@ impl Sender {
         let stop = Arc::new(AtomicBool::new(false));
         let asked_to_stop = Arc::clone(&stop);
         let (start, started) = std::sync::mpsc::channel::<Sending>();
+        let beside = Beside::new();
+        let place = beside.place();
         let thread = std::thread::Builder::new()
             .name("sender".to_owned())
             .spawn(move || {
                 if let Ok(sending) = started.recv() {
-                    send_until(&asked_to_stop, sending);
+                    send_until(&asked_to_stop, sending, beside);
                 }
             })?;
         Ok(Self {
             stop,
+            waking: place.waking(thread.thread()),
             thread,
             start,
         })
     }
 
-    pub(crate) fn thread(&self) -> Thread {
-        self.thread.thread().clone()
+    pub(crate) const fn waking(&self) -> &Waking {
+        &self.waking
     }
 
     /// Frames come out of these rings.
@@ -86,7 +91,7 @@ struct Line {
     holder: Option<Arc<LeaseChannel>>,
 }
 
-fn send_until(stop: &AtomicBool, sending: Sending) {
+fn send_until(stop: &AtomicBool, sending: Sending, mut beside: Beside) {
     let Sending {
         mut outgoing,
         mut sessions,
@@ -166,6 +171,7 @@ fn send_until(stop: &AtomicBool, sending: Sending) {
             let _ = line.publisher.put(&sealed[..]).wait();
         }
         std::thread::park_timeout(SENDER_NAP);
+        beside.follow();
     }
 }
 
