@@ -22,8 +22,8 @@ const LOOKED_AT: Duration = Duration::from_secs(8);
 const SETTLING: Duration = Duration::from_secs(2);
 /// A server may cost this many times what an echo costs.
 const MOST_OF_AN_ECHO: f64 = 2.0;
-/// An echo answers from Zenoh's own thread, and drops two thirds of what eight send to it at once. So eight sessions are
-/// held against a line of four.
+/// An echo answers from Zenoh's own thread, and drops two thirds of what eight send to it at once. So eight sessions
+/// are held against a line of four.
 const MOST_LINES: usize = 4;
 /// What an idle session may take of a core.
 const MOST_IDLE: f64 = 0.01;

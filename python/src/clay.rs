@@ -114,10 +114,7 @@ impl Clay {
         Ok((
             array(py, forces.collect()),
             array(py, each(|worked| worked.response.engaged_area_m2)),
-            array(
-                py,
-                worked.iter().map(|worked| worked.moved_units).collect(),
-            ),
+            array(py, worked.iter().map(|worked| worked.moved_units).collect()),
             array(py, each(|worked| worked.response.stored_j)),
             array(py, each(|worked| worked.response.dissipated_j)),
         ))

@@ -1,9 +1,9 @@
 //! A thread that a tick wakes, on the processor of the tick.
 //!
 //! Waking a thread that rests on another processor costs the one who wakes it an interrupt there, which on a virtual
-//! machine is dearer than all else in a tick, and costs the frame the time until that processor is up. On the tick's own
-//! processor the thread begins as soon as the tick sleeps. Where that processor is taken, so that the thread comes late
-//! there, it goes wherever the scheduler puts it, for a while.
+//! machine is dearer than all else in a tick, and costs the frame the time until that processor is up. On the tick's
+//! own processor the thread begins as soon as the tick sleeps. Where that processor is taken, so that the thread comes
+//! late there, it goes wherever the scheduler puts it, for a while.
 //!
 //! Only beside a thread of real time, which no thread beside it can delay.
 

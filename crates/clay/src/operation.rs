@@ -298,7 +298,7 @@ impl Smoother {
     }
 }
 
-/// Of each number and those `apart` before and behind it: the sum, weighted 1 2 1. Those at either end stay as they are.
+/// Of each number and those `apart` before and behind it the sum, weighted 1 2 1. Those at either end stay.
 fn weigh<T: Copy + Into<u16>>(of: &[T], into: &mut [u16], apart: usize) {
     let (before, here, after) = (of, &of[apart..], &of[2 * apart..]);
     let three = before.iter().zip(here).zip(after);

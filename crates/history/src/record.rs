@@ -14,14 +14,19 @@
 //! is, by its revision, since revisions never fall. A stop is kept, and so is for whom a tool is reserved: otherwise a
 //! server that comes back would give the tool to the one who has just handed it over.
 
+mod cuts;
+
 use std::sync::Arc;
 
-use teleclay_clay::{Operation, Pose};
+use teleclay_clay::Operation;
 use teleclay_link::replica::Cut;
 use teleclay_link::safety::{Flaw, Implausible};
 use teleclay_session::{Event, EventKind, Exchange, Operator, Release, Settings, ToolCuts};
 
-use crate::bytes::{Malformed, Reader, put_number, put_signed, put_text};
+pub(crate) use cuts::put_cuts;
+use cuts::{read_cuts, read_worked};
+
+use crate::bytes::{Malformed, Reader, put_number, put_text};
 use crate::settings::{put_settings, read_settings, version_of};
 
 /// The newest version that is read. A record is written as the oldest that knows all that is in it: 2 where settings
@@ -62,9 +67,6 @@ const STOP_CLEARED: u8 = 13;
 const RESERVATION_ENDED: u8 = 14;
 const PASSED: u8 = 15;
 const WORKED: u8 = 16;
-
-const ADD: u8 = 1;
-const SMOOTH: u8 = 2;
 
 /// What happened in a tick, in its order.
 #[derive(Clone, Debug, PartialEq)]
@@ -149,48 +151,6 @@ pub(crate) fn put_begun(
 pub(crate) fn put_gone_on(out: &mut Vec<u8>, ownership_epoch: u32) {
     out.push(GONE_ON);
     put_number(out, ownership_epoch.into());
-}
-
-pub(crate) fn put_cuts(out: &mut Vec<u8>, made: &ToolCuts<'_>) {
-    let ToolCuts {
-        slot,
-        lease,
-        decided,
-        operation,
-        moved_units,
-        cuts,
-    } = *made;
-    match operation {
-        Operation::Cut => out.push(CUTS),
-        Operation::Add => out.extend_from_slice(&[WORKED, ADD]),
-        Operation::Smooth => out.extend_from_slice(&[WORKED, SMOOTH]),
-    }
-    if operation != Operation::Cut {
-        is_of_version(out, WITH_OPERATIONS);
-    }
-    for number in [
-        slot as u64,
-        lease.into(),
-        decided.into(),
-        moved_units,
-        cuts.len() as u64,
-    ] {
-        put_number(out, number);
-    }
-    let mut before: Option<[i32; 3]> = None;
-    for cut in cuts {
-        let (from, to) = (cut.from.steps(), cut.to.steps());
-        if let Some(before) = before {
-            out.push(u8::from(before != from));
-        }
-        if before != Some(from) {
-            from.iter().for_each(|steps| put_signed(out, *steps));
-        }
-        for axis in 0..3 {
-            put_signed(out, to[axis].wrapping_sub(from[axis]));
-        }
-        before = Some(to);
-    }
 }
 
 /// What a session told.
@@ -419,14 +379,7 @@ impl Fact {
                 ownership_epoch: reader.small("the ownership epoch")?,
             }),
             CUTS => read_cuts(reader, Operation::Cut),
-            WORKED => match reader.byte("an operation")? {
-                ADD => read_cuts(reader, Operation::Add),
-                SMOOTH => read_cuts(reader, Operation::Smooth),
-                got => Err(Malformed::Value {
-                    what: "an operation",
-                    got: got.into(),
-                }),
-            },
+            WORKED => read_worked(reader),
             PASSED => Ok(Self::Passed {
                 revision: reader.number("the revision")?,
             }),
@@ -436,47 +389,6 @@ impl Fact {
             }),
         }
     }
-}
-
-fn read_cuts(reader: &mut Reader<'_>, operation: Operation) -> Result<Fact, Malformed> {
-    let slot = reader.small::<u8>("a slot")?.into();
-    let lease = reader.small("a lease")?;
-    let decided = reader.small("the last sweep decided")?;
-    let moved_units = reader.number("what was moved")?;
-    let count: usize = reader.small("the count of cuts")?;
-    // A cut has three bytes at least.
-    if reader.left() < 3 * count.min(reader.left() + 1) {
-        return Err(Malformed::Short { what: "cuts" });
-    }
-    let mut cuts: Vec<Cut> = Vec::with_capacity(count);
-    for _ in 0..count {
-        let from = match cuts.last() {
-            Some(before) if reader.byte("a cut")? == 0 => before.to.steps(),
-            _ => read_steps(reader)?,
-        };
-        let steps = read_steps(reader)?;
-        let to = std::array::from_fn(|axis| from[axis].wrapping_add(steps[axis]));
-        cuts.push(Cut {
-            from: Pose::from_steps(from),
-            to: Pose::from_steps(to),
-        });
-    }
-    Ok(Fact::Cuts {
-        slot,
-        lease,
-        decided,
-        operation,
-        moved_units,
-        cuts,
-    })
-}
-
-fn read_steps(reader: &mut Reader<'_>) -> Result<[i32; 3], Malformed> {
-    Ok([
-        reader.signed("a pose")?,
-        reader.signed("a pose")?,
-        reader.signed("a pose")?,
-    ])
 }
 
 fn read_kind(code: u8, reader: &mut Reader<'_>) -> Result<EventKind, Malformed> {

@@ -247,8 +247,8 @@ fn a_stop_whose_releases_were_not_kept_leaves_nobody_with_a_tool_and_nothing_dec
     );
 }
 
-/// A program that knows ball and blade alone says of a session with another tool, or one that does not cut, that a later
-/// one wrote it; what it can read is written as it writes it.
+/// A program that knows ball and blade alone says of a session with another tool, or one that does not cut, that a
+/// later one wrote it; what it can read is written as it writes it.
 #[test]
 fn only_what_names_a_later_tool_or_operation_has_a_later_version() {
     let ball = ToolDescription::Ball { radius_m: 0.004 };

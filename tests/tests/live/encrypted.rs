@@ -13,7 +13,7 @@ use teleclay_tests::stage::{DEMO, Handle, HandleOptions, Ports, Server, TOKEN, T
 use super::endings::{FORCE_STEP_N, cuts};
 
 /// How long is listened to while a hand cuts, in ticks.
-const LISTENED: u64 = 15_000;
+const LISTENED: u64 = 60_000;
 
 /// Long enough that it does not come about by chance.
 const OPERATOR: &str = "Ada Lovelace of London";
