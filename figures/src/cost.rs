@@ -25,6 +25,8 @@ const MOST_OF_AN_ECHO: f64 = 2.0;
 /// An echo answers from Zenoh's own thread, and drops two thirds of what eight send to it at once. So eight sessions
 /// are held against a line of four.
 const MOST_LINES: usize = 4;
+/// More sessions are never asked for.
+const MOST_SESSIONS: usize = 8;
 /// What an idle session may take of a core.
 const MOST_IDLE: f64 = 0.01;
 /// A change of force or velocity that a hand does not notice.
@@ -138,6 +140,9 @@ impl Drop for Stage {
         let _ = self.server.0.wait();
         // The server may have made it, or not.
         let _ = std::fs::remove_dir_all(&self.data);
+        for number in 0..MOST_SESSIONS {
+            let _ = std::fs::remove_file(self.words_of(&format!("s{number}")));
+        }
     }
 }
 
@@ -175,6 +180,11 @@ impl Stage {
         Ok(())
     }
 
+    /// What the handle of a session says.
+    fn words_of(&self, id: &str) -> PathBuf {
+        self.data.with_extension(id)
+    }
+
     fn join(&mut self, id: &str) -> anyhow::Result<()> {
         let line = invite(&self.data, id)?;
         let handle = Command::new(program("teleclay-handle")?)
@@ -187,7 +197,7 @@ impl Stage {
                 "cutting",
             ])
             .stdout(Stdio::null())
-            .stderr(Stdio::null())
+            .stderr(std::fs::File::create(self.words_of(id))?)
             .spawn()
             .context("teleclay-handle")?;
         self.handles.push(Held(handle));
@@ -243,7 +253,9 @@ fn live_cost(transport: Transport, sessions: usize, deadband: f64) -> anyhow::Re
             break;
         }
         if PATIENCE < started.elapsed() {
-            bail!("not all of {sessions} handles joined");
+            let words = (0..sessions).map(|number| stage.words_of(&format!("s{number}")));
+            let words: Vec<_> = words.flat_map(std::fs::read_to_string).collect();
+            bail!("not all of {sessions} handles joined: {}", words.join("\n"));
         }
         std::thread::sleep(Duration::from_millis(100));
     }

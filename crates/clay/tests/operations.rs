@@ -138,6 +138,27 @@ fn nothing_is_added_that_was_not_removed() {
     assert!(all - open < added + all / 2);
 }
 
+/// A tool that was known to stand in cleared clay stands in clay once some was added, or came over from smoothing.
+#[test]
+fn what_was_put_back_is_cut_again_from_where_the_tool_stands() {
+    let here = sweep(ball(0.006), [0.016; 3], [0.016; 3]);
+    for operation in [Operation::Add, Operation::Smooth] {
+        let mut clay = block(0.032);
+        clay.carve(&here);
+        clay.carve(&here);
+        let moved = clay.operate(operation, &sweep(ball(0.008), [0.014; 3], [0.018; 3]));
+        assert!(0 < moved, "{operation:?}");
+        let mut anew = Clay::from_bricks(*clay.grid(), clay.initial_units(), |brick| {
+            clay.brick(brick)
+        })
+        .unwrap();
+        let removed = clay.carve(&here);
+        assert_eq!(removed, anew.carve(&here), "{operation:?}");
+        assert!(0 < removed, "{operation:?}");
+        assert_eq!(clay.hash(), anew.hash());
+    }
+}
+
 /// Clay with a wave on top: its height goes by the cosine of x.
 fn wavy(amplitude: f64, voxels_a_wave: f64, middle: f64) -> Clay {
     clay_of([64, 24, 40], VOXEL_M, |[x, _, z]| {
