@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 use teleclay_proto::http::{Health, Readiness, Session};
 
-use crate::rig::{shared, small};
+use crate::rig::{eventually, shared, small};
 use crate::wire::Ask;
 
 #[test]
@@ -61,6 +61,8 @@ fn probes_answer() {
     let health: Health = site.get("/healthz").json();
     assert_eq!(health.version, "9.8.7");
     assert!(0.0 <= health.uptime_s);
+    // A server that has just begun has not ticked yet, and says so.
+    eventually("a tick", || site.get("/readyz").status == 200);
     let ready: Readiness = site.get("/readyz").json();
     assert!(ready.ready && ready.loop_running && ready.zenoh_up);
 }
