@@ -72,7 +72,7 @@ def bodies_of(interface):
     def session(shape, tool):
         return {
             "id": "made", "axes": 2, "scheme": "force_exchange", "material": material, "network": network, "tool": tool, "tools": 3,
-            "clay": {"shape": shape, "voxel_size_m": 1e-3, "layers": layers}, "deadband": 0.07,
+            "clay": {"shape": shape, "voxel_size_m": 1e-3, "layers": layers}, "operation": "smooth", "deadband": 0.07,
         }  # fmt: skip
 
     geometry = {"base_radius_m": 0.12, "platform_radius_m": 0.04, "upper_link_m": 0.1, "lower_link_m": 0.2, "arm_angles_deg": [0, 120, 240]}
@@ -89,7 +89,7 @@ def bodies_of(interface):
         ),
         (
             "PATCH", f"/api/v1/sessions/{one}",
-            [{"scheme": "force_exchange", "material": material, "network": network, "deadband": 0.1, "paused": False}],
+            [{"scheme": "force_exchange", "material": material, "network": network, "deadband": 0.1, "operation": "add", "paused": False}],
         ),
         ("POST", f"/api/v1/sessions/{one}/clay/reset", [{"shape": block, "material": material, "layers": layers}, {"shape": stepped, "material": material, "layers": layers}]),
         ("POST", f"/api/v1/sessions/{one}/undo", [{"tool": 1}, {"since": 1}]),
@@ -397,7 +397,7 @@ def check_messages(interface):
     place = "/components/schemas/ClientText"
     messages = [
         {"type": "subscribe", "telemetry": "on", "bricks": "off"},
-        {"type": "patch", "session": {"scheme": "wave", "paused": True, "deadband": 0.1, "network": {"up": {"seed": 3, "loss": 0.1}}}},
+        {"type": "patch", "session": {"scheme": "wave", "paused": True, "deadband": 0.1, "operation": "smooth", "network": {"up": {"seed": 3, "loss": 0.1}}}},
         {"type": "reset", "clay": {"shape": {"kind": "block", "size_m": [0.02, 0.02, 0.02]}}},
         {"type": "ping", "nonce": 7},
         {"type": "join", "operator": "Ada", "device": {"name": "a", "axes": 2, "force_n": 1, "rate_hz": 60, "measures_force": False}},
