@@ -210,7 +210,7 @@ export class WatchedPage {
       if (await this.share(last, next) === 0) return next;
       last = next;
       return undefined;
-    });
+    }, 200);
   }
 
   async picture(): Promise<Buffer> {
