@@ -209,6 +209,7 @@ describe("operating in the browser", () => {
     await ada.saying("tools", "Cy asks for it");
     await ada.page.getByTestId("deny-control").nth(1).click();
     await until("Cy is denied", () => !standIn.tool.requests.includes("Cy"));
+    await until("the page knows of that", async () => (await ada.page.getByTestId("grant-control").count()) === 1);
     await ada.page.getByTestId("grant-control").click();
     await standing("out");
     await ada.saying("operate-says", "handed over to Bob");
