@@ -63,7 +63,8 @@ describe("the Live page", () => {
 
   it("changes the clay's picture where it is cut, and gives the whole block back on a fresh one", async () => {
     // The tool rests all the while: what differs is clay.
-    const cut = await live.pictureAtRest();
+    // The hand goes on pushing, and its arrows with it, so that for minutes no two pictures are quite alike.
+    const cut = await live.pictureAtRest(SEEN / 2);
     const before = (await teleclay.session()).clay;
     await live.page.getByTestId("fresh-block").click();
     // Where the tool stands in the clay there is none.
@@ -74,7 +75,7 @@ describe("the Live page", () => {
     expect(clay.remaining_units + clay.removed_units).toBe(clay.initial_units);
     await until("the page says so", async () => Math.abs((await live.number("removed")) - CM3 * clay.removed_volume_m3) < 0.006);
     await until("the cut is gone from the picture", async () => SEEN < (await live.share(cut, await live.picture())));
-    const whole = await live.pictureAtRest();
+    const whole = await live.pictureAtRest(SEEN / 2);
 
     await resume();
     await until("clay is removed again", async () => 1 + CM3 * clay.removed_volume_m3 < (await live.number("removed")));

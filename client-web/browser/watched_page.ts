@@ -202,12 +202,12 @@ export class WatchedPage {
   }
 
   /** The picture of the clay, without what is written over it, once it stands still. */
-  async pictureAtRest(): Promise<Buffer> {
+  async pictureAtRest(alike = 0): Promise<Buffer> {
     let last = await this.picture();
     // Each look takes a picture of its own, which without a graphics card is slow.
     return until("the picture stands still", async () => {
       const next = await this.picture();
-      if (await this.share(last, next) === 0) return next;
+      if (await this.share(last, next) <= alike) return next;
       last = next;
       return undefined;
     }, 200);
